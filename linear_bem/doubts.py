@@ -20,7 +20,7 @@ def own_profile_notes(contacts: Contacts) -> tuple[str, ...]:
 
     In unlike units its contact is wider than the ball, or far narrower than its approach.
     """
-    radii = np.sqrt(contacts.contact_areas / np.pi)
+    radii, base = np.sqrt(contacts.contact_areas / np.pi), _given_by_base(contacts)
     for number, (ball, radius, approach) in enumerate(
         zip(contacts.problem.balls, radii, contacts.approaches, strict=True)
     ):
@@ -28,7 +28,7 @@ def own_profile_notes(contacts: Contacts) -> tuple[str, ...]:
         if own and _is_pointed(ball):
             return (f"the profile of ball {number} is pointed at its axis: its peak pressure has no limit",)
         beside = f"exceeds the ball's radius, {ball.radius:g} m" if radius > ball.radius else ""
-        beside = f"is less than 1/{NARROW:g} of its approach" if approach > NARROW * radius else beside
+        beside = f"is less than 1/{NARROW:g} of its approach" if 0.0 < NARROW * radius < approach - base else beside
         if own and beside:
             return (
                 f"the contact radius of ball {number}, {radius:.3g} m, {beside}; unless intended, check the units of "

@@ -69,7 +69,7 @@ class Load:
     values: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        if isinstance(self.values, list | np.ndarray):
+        if isinstance(self.values, list) or (isinstance(self.values, np.ndarray) and self.values.ndim):
             object.__setattr__(self, "values", tuple(self.values))
 
 

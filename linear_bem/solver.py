@@ -46,6 +46,8 @@ STEEP, POINTED, WIDE, GRID_FIRST = 0.75, 1.0, 0.7, 16
 is exceeded, up to that number of balls go to grids directly, for accuracies not below `ROUTES_SUFFICE`."""
 GRIDDED = 500
 """Largest number of balls that go to grids if polynomials do not converge."""
+USABLE = 1e-2
+"""Largest error of T over its size of polynomials that miss the accuracy but are used where no grid is better."""
 CHANCE = 1e-2
 """Least error of T over the largest and over the square of cell over contact radius: two grids may agree by chance."""
 DEGREES = (2, 4, 6, 8, 10, 12)
@@ -154,6 +156,8 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
         if isinstance(smooth, Estimated):
             return smooth
         best = smooth
+    if kernel.cell is not None and best is not None and best.reached <= USABLE:
+        return best.estimated(wanted)
     if kernel.cell is not None:
         raise UnsupportedProblem(
             "periodic: the contacts did not converge as smooth pressures, and contacts on grids (for merging contacts, "
@@ -255,8 +259,10 @@ def _on_grids(
     while True:
         try:
             contacts = next(levels, None)
-        except NotConverged:
-            if last is None:
+        except (NotConverged, UnsupportedProblem) as failed:
+            if last is None and smooth is not None and smooth.reached <= USABLE:
+                return smooth.estimated(wanted)
+            if last is None or isinstance(failed, UnsupportedProblem):
                 raise
             contacts, fits = None, "converges"
         if contacts is None:
@@ -273,7 +279,7 @@ def _on_grids(
             return Estimated(rested(contacts), error + missed_pulls(contacts), errors)
     assert last is not None
     assert isinstance(last.contacts, GridContacts)
-    if smooth is not None and smooth.excess(wanted) <= last.excess(wanted):
+    if smooth is not None and smooth.excess(wanted) <= last.excess(wanted) and smooth.reached <= USABLE:
         return smooth.estimated(wanted)
     error, notes = last.error, last.notes(f"finest grid that {fits}", wanted)
     if not np.all(np.isfinite(error)):

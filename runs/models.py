@@ -54,6 +54,8 @@ class Run:
     sample: int | None = None
 
 
+OTHER_NUMPY = ("numpy.dtype size changed", "numpy.core.multiarray failed to import", "compiled using NumPy")
+"""Words in the error of a module that was built for another numpy."""
 TWO, ONE = "two idle cores (mpirun -n 2)", "one (without mpirun)"
 """Words for the two numbers of cores for which a plan gives times."""
 COMMAND_SECONDS, LINEAR_SECONDS, COMMAND_BYTES = 1.7, 1.1, 7e7
@@ -134,9 +136,9 @@ def _elements(kinematics: str) -> Callable[[Problem, Run], Result]:
                 numerics=finite_strain.Numerics(**run.numerics), **options,
             )  # fmt: skip
         except (ImportError, ValueError) as error:
-            if isinstance(error, ThirdBodyError) or "numpy" not in str(error):
+            if isinstance(error, ThirdBodyError) or not any(words in str(error) for words in OTHER_NUMPY):
                 raise
-            raise MissingDependency(  # built for another numpy
+            raise MissingDependency(
                 f"{kinematics} needs DOLFINx, which {sys.executable} cannot import: {error}; `thirdbody doctor` names "
                 "the remedy"
             ) from error

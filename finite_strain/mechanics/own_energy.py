@@ -118,12 +118,17 @@ def check_own_energy(problem: Problem) -> None:
             f"{STEP:g} and {bend:.5g} Pa over {NEARER * STEP:g}; add nothing like a root of a squared strain"
         )
     if abs(shear - layer.shear_modulus) > ALIKE * layer.shear_modulus or abs(bends[0] - wanted) > ALIKE * wanted:
+        missing = layer.lame_first - lame
         young, poisson = shear * (3.0 * lame + 2.0 * shear) / (lame + shear), lame / (2.0 * (lame + shear))
         raise InvalidProblem(
             f"finite_strain.law: psi(F) must have the layer's moduli at small strain, young {layer.young:g} Pa and "
             f"poisson {layer.poisson:g}, got {young:.5g} Pa and {poisson:.5g}: mu is {shear:.5g} Pa (the layer's "
-            f"{layer.shear_modulus:.5g}), lambda {lame:.5g} Pa (the layer's {layer.lame_first:.5g}); for lambda add "
-            f"{0.5 * (layer.lame_first - lame):.5g} (J - 1)^2 to psi"
+            f"{layer.shear_modulus:.5g}), lambda {lame:.5g} Pa (the layer's {layer.lame_first:.5g})"
+            + (
+                f"; to correct lambda, add {0.5 * missing:.5g} (J - 1)^2 to psi"
+                if abs(missing) > ALIKE * wanted
+                else ""
+            )
         )
     _check_invariance(psi)
 

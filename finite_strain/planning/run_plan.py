@@ -185,9 +185,9 @@ def plan_run(
     _check_supported(problem, model)
     load = prescribed(problem)
     goals = load.answered_fractions() if steps is None else tuple(steps)
-    if not goals or min(goals) <= 0.0 or list(goals) != sorted(set(goals)):
+    if not goals or not min(goals) > 0.0 or list(goals) != sorted(set(goals)):
         raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {list(goals)} times the full load")
-    if goals[-1] < 1.0 - 1e-9:
+    if not math.isclose(goals[-1], 1.0, rel_tol=1e-9):
         raise InvalidProblem(
             f"load.steps: the last must be 1, the full load, got {list(goals)}; steps are fractions of the load, as "
             "(0.5, 1.0)"

@@ -180,7 +180,7 @@ def _numpy(report: Report, python: str) -> Finding:
         return Finding("numpy", "none", numpy.error, _install("python3-numpy"))
     wheels = [name for name in ("numpy", "scipy") if _is_wheel(report.packages[name])]
     found, remedy = f"{numpy.version}, {numpy.folder}", f"{python} -m pip uninstall -y {' '.join(wheels)}"
-    if "numpy" in dolfinx.error and not numpy.of_debian:
+    if any("numpy" in package.error for package in report.packages.values()) and not numpy.of_debian:
         return Finding("numpy", found, "not the numpy that DOLFINx was built for", remedy)
     if dolfinx.of_debian and not numpy.of_debian:
         fault = f"a wheel beside Debian's DOLFINx ({dolfinx.folder}), which was built for Debian's numpy"

@@ -101,7 +101,7 @@ def quantity(value: object, unit: str) -> float:
         raise fault(f'must be {kind}, such as "{example}": "{name}" is not a unit{power}') from error
     if not matches:
         together = name.replace(" ", "")
-        if together != name and UNIT.fullmatch(together) and _units().is_compatible_with(together, unit):
+        if together != name and together in COMMON and _units().is_compatible_with(together, unit):
             raise fault(f'must be {kind}, such as "{example}": "{name}" is not a unit, did you mean "{together}"?')
         raise fault(f'must be {kind}, such as "{example}": "{name}" is {_dimension(given)}')
     converted = float((plain * given).to(unit).magnitude)

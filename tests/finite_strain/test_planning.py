@@ -101,8 +101,8 @@ def test_load_steps_that_do_not_rise_are_refused(steps: tuple[float, ...]) -> No
         plan_run(pair(0.1), 0.02, "finite_strain", steps=steps)
 
 
-@pytest.mark.parametrize("steps", [(0.5,), (0.25, 0.5), (1e-4, 2e-4)])
-def test_load_steps_that_end_before_full_load_are_refused(steps: tuple[float, ...]) -> None:
+@pytest.mark.parametrize("steps", [(0.5,), (0.25, 0.5), (1e-4, 2e-4), (0.5, 1.5), (1.0, float("inf"))])
+def test_load_steps_that_do_not_end_at_full_load_are_refused(steps: tuple[float, ...]) -> None:
     with pytest.raises(InvalidProblem, match=r"load\.steps: the last must be 1, the full load, got .*, as \(0\.5, 1"):
         plan_run(pair(0.1), 0.02, "finite_strain", steps=steps)
 

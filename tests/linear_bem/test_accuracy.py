@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import linear_bem.grid.contacts
-from linear_bem import Ball, Elastic, Layer, Load, Problem, solve, solve_contact
+from linear_bem import Ball, Elastic, Layer, Load, Periodic, Problem, solve, solve_contact
 from linear_bem.grid.contacts import GridContacts
 
 CASES = {
@@ -71,6 +71,15 @@ def test_a_stricter_accuracy_is_never_answered_less_accurately(monkeypatch):
     assert "1.0e-08 was asked for" in strict.solved.notes[0]
     assert strict.balls[0].tangential_force_error <= usual.balls[0].tangential_force_error
     assert strict.balls[0].errors["normal_force"] <= 1e-4 * strict.balls[0].normal_force
+    monkeypatch.setattr(linear_bem.grid.contacts, "MOST_CELLS", 500)  # no grid resolves the contacts
+    assert solve(pair, 1e-8).balls == strict.balls
+
+
+def test_a_cell_is_answered_by_polynomials_at_any_accuracy():
+    balls = (Ball((0.0, 0.0), 3.0), Ball((7.0, 0.0), 3.0))
+    cell = Problem(Layer(2.0, 0.45, 4.0), balls, Load("approach", (0.9, 0.9)), periodic=Periodic((16.0, 12.0)))
+    (note,) = (n for n in solve(cell, 1e-8).solved.notes if "asked for" in n)
+    assert "highest usable degree" in note
 
 
 def test_with_one_grid_only_the_difference_of_the_routes_is_the_error_estimate(monkeypatch):

@@ -128,6 +128,8 @@ def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
             'radius = "8 mm"\nfinite_strain = true',
             ["it is a table of its own: write [finite_strain]"],
         ),
+        ('young = "57.4 kPa"', 'young = "1 kg m"', ["[layer] young", '"kg m" is of dimension']),
+        ('young = "57.4 kPa"', 'young = "5 Pa s"', ["[layer] young", '"Pa s" is of dimension']),
         ("poisson = 0.48", "poisson = nan", ["[layer] poisson", "not nan"]),
         ("poisson = 0.48", "poisson = true", ["[layer] poisson", "plain number", "true"]),
         ("poisson = 0.48", "", ["[layer] poisson", "missing"]),
