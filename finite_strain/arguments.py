@@ -1,5 +1,6 @@
 """Checks the types of the arguments of `finite_strain.solve` before any work; messages name the argument."""
 
+import inspect
 from collections.abc import Mapping, Sequence
 from numbers import Real
 from pathlib import Path
@@ -18,6 +19,18 @@ def _options(value: Any) -> bool:
     return isinstance(value, Mapping) and all(isinstance(name, str) for name in value)
 
 
+def _inspector(value: Any) -> bool:
+    if value is None or not callable(value):
+        return value is None
+    try:
+        inspect.signature(value).bind(None, None)
+    except TypeError:
+        return False
+    except ValueError:  # a built-in function without a signature
+        return True
+    return True
+
+
 RULES: dict[str, tuple[Any, str]] = {
     "problem": (lambda v: isinstance(v, Problem), "a linear_bem.Problem"),
     "tangential_force": (lambda v: isinstance(v, Real), "a number between 0 and 1"),
@@ -27,7 +40,7 @@ RULES: dict[str, tuple[Any, str]] = {
     "steps": (lambda v: v is None or _numbers(v), "fractions of the load such as (0.5, 1.0)"),
     "numerics": (lambda v: isinstance(v, Numerics), "Numerics such as Numerics(growth=2.0)"),
     "solver_options": (lambda v: v is None or _options(v), 'PETSc options such as {"pc_type": "lu"}'),
-    "inspect": (lambda v: v is None or callable(v), "a function of a step and its functions"),
+    "inspect": (_inspector, "a function of two arguments, a step and its functions"),
 }
 """Per argument: the check of its type, and the words for a valid value."""
 

@@ -205,7 +205,7 @@ class OwnMesh:
             if room < CLEAR * radius:
                 faults.append(
                     f"{where} needs {CLEAR * radius:.3g} m of mesh on every side, got {room:.3g} m; a mesh of a part "
-                    "of the scene ends at its plane of symmetry x = 0 or y = 0"
+                    "is x >= 0 or y >= 0 of balls, bodies and loads that are mirror images"
                 )
             elif under < LEAST_NODES:
                 faults.append(

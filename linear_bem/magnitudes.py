@@ -52,7 +52,8 @@ def load_faults(kind: str, values: Sequence[float], radii: Sequence[float], youn
     expected = 1 if kind == "total_force" else len(radii)
     faults = []
     if len(values) != expected:
-        faults.append(f"load.{kind}: needs {expected} value(s), got {len(values)}")
+        one = "" if kind != "total_force" else "; force takes one per ball"
+        faults.append(f"load.{kind}: needs {expected} value(s), got {len(values)}{one}")
     if not all(math.isfinite(v) for v in values):
         faults.append(f"load.{kind}: must be finite, got {listed(values)}")
     elif kind == "approach" and values and not any(v > 0.0 for v in values):

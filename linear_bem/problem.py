@@ -248,7 +248,8 @@ class Problem:
         if self.periodic is not None:
             faults += self.periodic.faults()
         if not _are_numbers(self.load.values):
-            wanted = 'must be Load(kind, values) with one number per ball, such as Load("approach", (1e-4, 1e-4))'
+            example = '("total_force", (1.0,))' if self.load.kind == "total_force" else '("approach", (1e-4, 1e-4))'
+            wanted = f"must be Load(kind, values) with a tuple of numbers, such as Load{example}"
             faults.append(f"load: {wanted}, got {self.load.kind!r:.40}, {self.load.values!r:.80}")
         return faults
 

@@ -98,6 +98,7 @@ def solve(problem: Problem, accuracy: float = 1e-4, report: Report = silent) -> 
     Q = 7.107 N, T = -0.0105 N
 
     """
+    _check_type(problem)
     faults = depth_faults(problem)
     if faults:
         raise InvalidProblem(*faults)
@@ -111,6 +112,7 @@ def solve_contact(
 
     With ``sample``, the error is judged as for very many balls, by a sample of about twice this number.
     """
+    _check_type(problem)
     if problem.finite_strain is not None:
         raise UnsupportedProblem(
             "linear_bem: the effect finite_strain is not part of this model; use finite_strain.solve, or set it to None"
@@ -130,6 +132,11 @@ def solve_contact(
     require_certified(contacts)
     seconds = time.perf_counter() - begun
     return Solution(problem, contacts, answer.error, answer.errors, seconds, notes, answer.accuracy)
+
+
+def _check_type(problem: object) -> None:
+    if not isinstance(problem, Problem):
+        raise InvalidProblem(f"problem: must be a Problem, as solve(Problem(layer, balls, load)), got {problem!r:.80}")
 
 
 def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Report, sample: int | None) -> Estimated:

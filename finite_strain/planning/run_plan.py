@@ -173,7 +173,9 @@ def plan_run(
     ``model`` is the one that the caller expects; ``fit`` returns the part and dimensions of a user's mesh. Raises
     `InvalidProblem`, and `UnsupportedProblem`, naming the key, also if the problem needs the other model.
     """
-    if not LEAST_ACCURACY <= tangential_force < 1.0:
+    if not tangential_force < 1.0:
+        raise InvalidProblem(f"accuracy.tangential_force: must be below 1 (2 % is 0.02), got {tangential_force:g}")
+    if not tangential_force >= LEAST_ACCURACY:
         raise InvalidProblem(
             f"accuracy.tangential_force: must lie between {LEAST_ACCURACY:g}, about the best that finite "
             f"elements reach, and 1, got {tangential_force:g}; raise it, or use linear_bem"

@@ -70,7 +70,9 @@ def _comparison(folder: Folder, document: Mapping[str, Any]) -> Document:
     ball = leading_ball(finite["balls"])
     rows = [row for row in document["comparison"] if row["ball"] == ball]
     strengths = {
-        f"{name}, at full load": with_error(rows[-1][key], rows[-1][f"{key}_error"]) for name, key in STRENGTHS if rows
+        f"{name}, at the last load step": with_error(rows[-1][key], rows[-1][f"{key}_error"])
+        for name, key in STRENGTHS
+        if rows
     }
     found = _common(finite["balls"], ball, finite["solved"], scale, strengths)
     found["notes"] = list(dict.fromkeys([*found["notes"], *document["linear"]["solved"]["notes"]]))

@@ -55,7 +55,7 @@ class LoadTable(Table):
         except PydanticCustomError as error:
             remedy = "" if unit else "; write steps = [0.25, 0.5]"
             raise InvalidProblem(
-                f"load.steps: must hold values {what}: {error.message()}, got {written}{remedy}"
+                f"load.steps: must hold values {what} ({error.message()}), got {written}{remedy}"
             ) from None
         if not steps or steps[0] <= 0.0 or steps != sorted(set(steps)):
             raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {written}; list small loads first")

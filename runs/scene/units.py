@@ -75,9 +75,11 @@ def direction(value: object) -> tuple[float, float]:
 
 def quantity(value: object, unit: str) -> float:
     """Return ``value`` in ``unit`` (an SI unit: m, Pa, N or rad); a plain number is in ``unit`` already."""
+    kind, example = DIMENSIONS[unit]
+    if isinstance(value, list):
+        raise fault(f"must be one value, {kind}, no list")
     if not isinstance(value, str):
         return number(value)
-    kind, example = DIMENSIONS[unit]
     match = NUMBER_AND_UNIT.fullmatch(value)
     if match is None:
         comma = "; write decimals with a point" if re.match(r"\s*[-+]?\d+,\d", value) else ""

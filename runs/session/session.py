@@ -158,7 +158,7 @@ class Session:
             size, time = f"about {grouped(self.plan['unknowns'])} unknowns", duration(seconds)
             where = f"{self.model.name} on {ranks_here} rank(s)"
             cores = count(ranks_here, "idle core")
-            time = f"{self.plan['load_steps']} load steps, the elements take {time}"
+            time = f"{self.plan['load_steps']} load steps, the elements take {time}{' from the start' if steps else ''}"
             print_status(f"{where}: {size}, {time} on {cores}; into {self.out}")
             least, most = sum(of_meshes[:2]), self.scene.budget.get("seconds", math.inf)
             if least > most:

@@ -26,6 +26,8 @@ PROBLEM = Problem(Layer(1.0, 0.3, 1.0), (Ball((0.0, 0.0), 1.0),), Load("force", 
         ({"numerics": {"growth": 2.0}}, r"numerics: must be Numerics such as"),
         ({"solver_options": "lu"}, r"solver_options: must be PETSc options such as"),
         ({"inspect": 1}, r"inspect: must be a function"),
+        ({"inspect": lambda functions: None}, r"inspect: must be a function of two arguments"),
+        ({"tangential_force": 5}, r"tangential_force: must be below 1 \(2 % is 0\.02\), got 5"),
         ({"seconds": "60", "folder": 3}, r"(?s)folder: .*seconds: "),
     ],
 )

@@ -30,8 +30,13 @@ LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force
     ("parts", "words"),
     [
         ({"layer": Layer("1 MPa", 0.3, 1.0)}, r"layer\.young: must be a number, got '1 MPa'"),
-        ({"load": Load("force", 0.1)}, r"load: must be Load\(kind, values\) with one .*, got 'force', 0\.1"),
-        ({"load": Load((0.1,), "force")}, r"load: must be Load\(kind, values\) with one .*, got \(0\.1,\), 'force'"),
+        ({"load": Load("force", 0.1)}, r"load: must be Load\(kind, values\) with a tuple .*, got 'force', 0\.1"),
+        (
+            {"load": Load((0.1,), "force")},
+            r"load: must be Load\(kind, values\) .*, got \(0\.1,\), 'force'",
+        ),
+        ({"load": Load("total_force", 1.0)}, r'a tuple of numbers, such as Load\("total_force", \(1\.0,\)\), got'),
+        ({"load": Load("total_force", (1.0, 1.0))}, r"needs 1 value\(s\), got 2; force takes one per ball"),
         ({"substrate": Layer(4.0, 0.3, 1.0)}, r"substrate: must be a half-space, .*, got a layer 1 m thick; a Surface"),
         ({"balls": (Ball((-1, 0, 0), 1),)}, r"balls\.positions\[0\]: must be two numbers, x and y, got \(-1, 0, 0\)"),
         ({"balls": Ball((0.0, 0.0), 1.0)}, r"balls: must be a tuple of Ball, .* as \(Ball\(...\),\), got Ball"),
@@ -110,6 +115,13 @@ def test_a_force_is_not_refused_for_what_the_base_gives_or_another_ball_bears():
     unlike = (Ball((0.0, 0.0), 10.0), Ball((20.0, 0.0), 0.05))  # a common approach: the small ball bears a hundredth
     assert not depth_faults(Problem(Layer(1.0, 0.3, 1.0), unlike, Load("total_force", (10.0,))))
     assert depth_faults(Problem(Layer(1.0, 0.3, 1.0), unlike, Load("total_force", (300.0,))))
+
+
+@pytest.mark.parametrize("given", ["pair.toml", LAYER, [Problem(LAYER, BALLS, LOAD)]])
+def test_what_is_no_problem_is_refused(given):
+    for call in (solve, solve_contact):
+        with pytest.raises(InvalidProblem, match=r"problem: must be a Problem, as solve\(Problem\("):
+            call(given)
 
 
 def test_a_load_may_be_an_array():

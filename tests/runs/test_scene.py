@@ -86,7 +86,7 @@ def test_load_steps_are_fractions_that_end_in_full_load(
 def test_load_steps_of_unlike_loads_are_plain_fractions(tmp_path: Path) -> None:
     unlike = PAIR.replace('approach = "1.5 mm"', 'approach = ["1 mm", "2 mm"]\nsteps = ["0.5 mm"]')
     (fault,) = faults(tmp_path, unlike)
-    assert "[load] steps: must hold values between 0 and 1, fractions of the unlike loads" in fault
+    assert "[load] steps: must hold values between 0 and 1, fractions of the unlike loads (" in fault
     assert fault.endswith("write steps = [0.25, 0.5]")
     advised = read_scene(write(tmp_path, unlike.replace('["0.5 mm"]', "[0.25, 0.5]")))
     assert advised.steps == (0.25, 0.5, 1.0)
@@ -149,10 +149,11 @@ def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
         ("[load]", '[load]\nforce = "2 N"', ["[load]", "exactly one", "approach, force"]),
         ('approach = "1.5 mm"', "", ["[load]", "exactly one", "none of them"]),
         ('approach = "1.5 mm"', 'approach = ["1 mm", "1 mm", "1 mm"]', ["[load] approach", "needs 2 value(s), got 3"]),
+        ('approach = "1.5 mm"', 'total_force = ["1 N", "1 N"]', ["[load] total_force", "must be one value, a force"]),
         ('approach = "1.5 mm"', 'approach = ["1 mm", "1 N"]', ["[load] approach", "value 1", "is a force"]),
         ('approach = "1.5 mm"', "approach = 0", ["[load] approach", "pressed in"]),
         ('approach = "1.5 mm"', "force = -1", ["[load] force", "negative"]),
-        ('approach = "1.5 mm"', "total_force = [1, 1]", ["[load] total_force", "number"]),
+        ('approach = "1.5 mm"', "total_force = [1, 1]", ["[load] total_force", "must be one value"]),
         ('radius = "8 mm"', 'radius = ["8 mm"]', ["[balls] radius", "one per ball (2), got 1"]),
         ('radius = "8 mm"', "radius = 0", ["[balls] radius:", "greater than 0"]),
         ('"0.8 cm"', '"0.7 cm"', ["[balls] positions", "overlap", "move them apart"]),
