@@ -285,7 +285,8 @@ class Refinement:
             film = 1.0 - max(ball.approach for ball in last.balls) / self.plan.problem.layer.thickness
             record.resolved = is_resolved(last.smallest_volume_ratio, film)
         forces = np.array([ball.normal_force for ball in last.balls])
-        largest = max(math.hypot(*ball.tangential_force) for ball in last.balls)
+        pulls = [math.hypot(*ball.tangential_force) for ball in last.balls]
+        largest = max(pulls) if len(pulls) > 1 else 0.0  # the T of a single ball is an error, no scale
         record.scale = max(largest, scale_of_force(self.plan.problem, forces))
         known = [(ball.tangential_force_error, record.scale) for ball in last.balls]
         if record.scale == 0.0:  # without mutual forces the force or approach that was not given counts

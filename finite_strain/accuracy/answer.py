@@ -83,11 +83,11 @@ class Answers:
         if worst is not None:
             pull[worst] -= pull.sum(axis=0)
             terms, at_force = _others_at(worst, terms), _others_at(worst, at_force)
-        mutual = len(self.plan.problem.balls) > 1
+        shown = Terms(*(doubt * term for term in vars(terms).values())) if len(self.plan.problem.balls) > 1 else other
         return Answer(
             **vars(account), balls=self._balls(fine, now, pull, truth, doubt * terms.total, other.total), step=step,
             linear_failure=said if isinstance(said, str) else "",
-            error_terms={n: self._per_ball(doubt * term) for n, term in vars(terms if mutual else other).items()},
+            error_terms={n: self._per_ball(term) for n, term in vars(shown).items()},
             pair_weight=self._per_ball(weight), imbalance=imbalance,
             imbalance_error=sum(self._per_ball(raw)),
             normal_force_error=self._per_ball(none if self.forces_given else other.total),

@@ -269,3 +269,13 @@ def test_groups_of_a_file_are_known_by_name(tmp_path: Path) -> None:
         dofs = dolfinx.fem.locate_dofs_topological(space, 2, facets.find(TAGS[name]))
         assert np.allclose(space.tabulate_dof_coordinates()[dofs, 2], z)
     assert np.ptp(points[:, 2]) == pytest.approx(1.0)
+
+
+def test_the_error_of_a_single_ball_beside_a_wall_is_that_of_its_normal_force() -> None:
+    alone = replace(SMALL, balls=SMALL.balls[1:], load=replace(SMALL.load, values=SMALL.load.values[1:]))
+    solved = finite_strain.solve(
+        alone, model="small_strain", tangential_force=0.3, mesh=block(**SPARSE), comm=COMM, steps=(1.0,)
+    ).solved
+    assert solved.accuracy["relative_to"]["what"] == "the normal force"
+    squares = sum(term**2 for term in solved.accuracy["terms"].values())
+    assert math.sqrt(squares) == relatively(solved.accuracy["reached"], 1e-6)
