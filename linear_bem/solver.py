@@ -163,15 +163,15 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
         if isinstance(smooth, Estimated):
             return smooth
         best = smooth
-    if kernel.cell is not None and best is not None and best.reached <= USABLE:
+    if kernel.cell is None:
+        return _on_grids(problem, kernel, wanted, guess, report, best)
+    if best is not None and best.reached <= USABLE:
         return best.estimated(wanted)
-    if kernel.cell is not None:
-        raise UnsupportedProblem(
-            "periodic: the contacts did not converge as smooth pressures, and contacts on grids (for merging contacts, "
-            "sharp tips, punches, contacts wider than the layer is thick) have no cell; press the balls less deep, "
-            "or drop the effect"
-        )
-    return _on_grids(problem, kernel, wanted, guess, report, best)
+    raise UnsupportedProblem(
+        "periodic: the contacts did not converge as smooth pressures, and contacts on grids (for merging contacts, "
+        "sharp tips, punches, contacts wider than the layer is thick) have no cell; press the balls less deep, "
+        "or drop the effect"
+    )
 
 
 def _enough(wanted: float) -> float:
