@@ -26,10 +26,12 @@ def some(moments: Sequence[Moment]) -> list[Moment]:
 def draw_top_views(folder: Path, moments: Sequence[Moment], balls: HardBalls, cycles: Any, stem: str) -> None:
     """Write STEM.png and .svg: the layer from above at some moments, clusters coloured by their size."""
     chosen = some(moments)
-    figure, axes = grid(len(chosen), 3.1, 3.2)
+    window = _window(np.concatenate([moment.positions for moment in chosen]), balls)
+    width, height = np.diff(window, axis=0)[0]
+    figure, axes = grid(len(chosen), 3.1, 0.9 + 2.3 * float(np.clip(height / width, 0.3, 1.5)))
     for axis, moment in zip(axes, chosen, strict=True):
         draw_layer(axis, moment.positions, balls)
-        axis.set_title(f"{cycles(moment.sigma):.3g} cycles", fontsize=9)
+        axis.set(xlim=1e3 * window[:, 0], ylim=1e3 * window[:, 1], title=f"{cycles(moment.sigma):.3g} cycles")
     save_figure(figure, folder, stem)
 
 
@@ -44,12 +46,10 @@ def draw_layer(axis: Any, x: Array, balls: HardBalls) -> None:
     shade = np.log(size) / np.log(max(len(x), 2))
     colors = np.where((size > 1)[:, None], colormaps["viridis_r"](0.1 + 0.9 * shade), (0.82, 0.85, 0.88, 1.0))
     radii = balls.radii
-    if balls.cell is None:
-        low, high = x.min(axis=0) - 1.3 * radii.max(), x.max(axis=0) + 1.3 * radii.max()
-    else:
-        own, low, high = np.tile(np.arange(len(x)), 9), np.zeros(2), balls.cell
-        x = images(x, balls.cell)
-        seen = np.all((x > -radii[own][:, None]) & (x < high + radii[own][:, None]), axis=1)
+    window = _window(x, balls)
+    if balls.cell is not None:
+        own, x = np.tile(np.arange(len(x)), 9), images(x, balls.cell)
+        seen = np.all((x > -radii[own][:, None]) & (x < window[1] + radii[own][:, None]), axis=1)
         x, colors, radii = x[seen], colors[own[seen]], radii[own[seen]]
     width = 2e3 * radii
     axis.add_collection(
@@ -58,10 +58,16 @@ def draw_layer(axis: Any, x: Array, balls: HardBalls) -> None:
             facecolors=colors, edgecolors="white", linewidths=0.2,
         )
     )  # fmt: skip
-    axis.set(xlim=1e3 * np.array([low[0], high[0]]), ylim=1e3 * np.array([low[1], high[1]]), aspect="equal")
-    axis.tick_params(labelsize=7)
-    axis.set_xlabel("x [mm]", fontsize=8)
-    axis.set_ylabel("y [mm]", fontsize=8)
+    axis.set(xlim=1e3 * window[:, 0], ylim=1e3 * window[:, 1], aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
+
+
+def _window(x: Array, balls: HardBalls) -> Array:
+    """Return the lowest and highest x, y of a picture [m]: the cell, or all balls, of a line with some space beside."""
+    if balls.cell is not None:
+        return np.array([np.zeros(2), balls.cell])
+    window = np.array([x.min(axis=0), x.max(axis=0)]) + 1.3 * balls.radii.max() * np.array([[-1.0], [1.0]])
+    extent = np.diff(window, axis=0)
+    return window + np.maximum(0.25 * extent.max() - extent, 0.0) / 2.0 * np.array([[-1.0], [1.0]])
 
 
 @look()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
+from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, blank, look, save_figure
 from runs.studies.accuracy.matrix import LADDER, OWN, TRUE
 
 STYLES = {
@@ -28,7 +28,9 @@ SIDES = sorted(
 @look()
 def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
     """Write pareto.svg and .png; fronts end at the reference's own error."""
-    figure, (*axes, key) = panels(5.6, 5.6, 2.2, height=4.6)
+    figure = blank(9.6, 5.4)
+    places = figure.add_gridspec(2, 2, height_ratios=(1.0, 0.18))
+    axes, key = [figure.add_subplot(places[0, k]) for k in (0, 1)], figure.add_subplot(places[1, :])
     key.set_axis_off()
     for axis, column in zip(axes, (OWN, TRUE), strict=True):
         known = [row for row in rows if row[column] is not None]
@@ -49,9 +51,9 @@ def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
         for wanted in (0.1, 0.01, 0.001):
             axis.axhline(wanted, color=GREY, lw=0.5, ls=":", zorder=0)
     axes[0].set_ylabel("relative error of T")
-    words = "numbers: accuracy asked\nwhiskers: own estimate\nlines: Pareto fronts"
+    words = "numbers: accuracy asked; whiskers: own estimate; lines: Pareto fronts"
     handles, names = axes[0].get_legend_handles_labels()
-    key.legend(handles, names, fontsize=8, loc="center left", title=words, title_fontsize=8, alignment="left")
+    key.legend(handles, names, ncols=3, loc="center", title=words, title_fontsize=9)
     figure.draw_without_rendering()  # sizes of panels and labels
     for axis in axes:
         move_labels(axis)
@@ -90,7 +92,7 @@ def _points(axis: Any, rows: Sequence[Mapping[str, Any]], column: str, style: tu
         axis.plot(*_places(others, column), marker, color=color, mfc="none", ms=4, mew=0.8, label=f"{model}, numerics")
     named = [row for row in chosen if row["value"] != ""]
     for text, x, y in _labels(named, *_places(named, column)):
-        axis.annotate(text, (x, y), SIDES[0], textcoords="offset points", va="center", fontsize=8, color=color)
+        axis.annotate(text, (x, y), SIDES[0], textcoords="offset points", va="center", fontsize=9, color=color)
 
 
 def _labels(
@@ -153,9 +155,9 @@ def _mark_reference(axis: Any, rows: Sequence[Mapping[str, Any]], column: str) -
     if known is not None:
         color = STYLES["finite_strain"][0]
         axis.axhline(known, color=color, lw=0.9, ls="--", zorder=0)
-        words = f"finite-strain reference known to {100.0 * known:.1g} %"
+        words = f"reference known to {100.0 * known:.1g} %"
         axis.annotate(words, (0.0, known), (4, 3), xycoords=("axes fraction", "data"), textcoords="offset points",
-                      fontsize=8, color=color)  # fmt: skip
+                      fontsize=9, color=color)  # fmt: skip
 
 
 def _places(rows: Sequence[Mapping[str, Any]], column: str, known: bool = False) -> tuple[list[float], list[float]]:
