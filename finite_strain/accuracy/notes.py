@@ -44,7 +44,7 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
         )
     largest = max(size for size, _ in bounds)
     faint = [number for number, (_, ball) in enumerate(bounds) if 0.0 < HALF * largest < ball.tangential_force_error]
-    if faint:
+    if faint and record.scale > 0.0:  # else T is that of a single ball, 0
         most, force = max(
             (size + ball.tangential_force_error, ball.normal_force) for size, ball in (bounds[i] for i in faint)
         )

@@ -27,7 +27,8 @@ ALONE_SECONDS = 0.85
 """Time of a small-strain load step over a finite-strain one: constant bulk tangent (three scenes: 0.83 to 1.13)."""
 MIXED_SECONDS, STRETCHES_SECONDS, FORCE_SECONDS = 1.24, 1.5, 0.1
 """Factors on a load step's time: for displacements and pressures instead of equally many displacement unknowns; for a
-law in principal stretches; and, added to one, for each unknown approach."""
+law in principal stretches (cases ogden and approach of the calibration: 1.2 to 1.6); and, added to one, for each
+unknown approach."""
 KRYLOV_SECONDS, KRYLOV_BYTES = 5.5, 1.85e8
 """Time [s] of a step with results and its pair, and memory [bytes] of both, by multigrid; they grow as n.
 

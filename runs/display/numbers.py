@@ -149,8 +149,9 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def percent(change: float) -> str:
-    """Return a relative change with its sign: "+1.2 %"."""
-    return f"{100.0 * change:+.2g} %"
+    """Return a relative change with its sign, to two digits or whole percent: "+1.2 %", "-104 %"."""
+    value = 100.0 * change
+    return f"{value:+.0f} %" if abs(value) >= 99.5 else f"{value:+.2g} %"
 
 
 def short_number(value: float | None) -> str:

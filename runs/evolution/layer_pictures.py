@@ -26,12 +26,12 @@ def some(moments: Sequence[Moment]) -> list[Moment]:
 def draw_top_views(folder: Path, moments: Sequence[Moment], balls: HardBalls, cycles: Any, stem: str) -> None:
     """Write STEM.png and .svg: the layer from above at some moments, clusters coloured by their size."""
     chosen = some(moments)
-    window = _window(np.concatenate([moment.positions for moment in chosen]), balls)
-    width, height = np.diff(window, axis=0)[0]
-    figure, axes = grid(len(chosen), 3.1, 0.9 + 2.3 * float(np.clip(height / width, 0.3, 1.5)))
+    aspects = [height / width for width, height in (np.ptp(_window(m.positions, balls), axis=0) for m in chosen)]
+    wide, tall = 2.3 * min(1.0, 1.5 / min(aspects)), 2.3 * min(1.5, max(aspects))  # [inch]
+    figure, axes = grid(len(chosen), 0.8 + max(wide, 0.8), 0.9 + max(tall, 0.2))
     for axis, moment in zip(axes, chosen, strict=True):
         draw_layer(axis, moment.positions, balls)
-        axis.set(xlim=1e3 * window[:, 0], ylim=1e3 * window[:, 1], title=f"{cycles(moment.sigma):.3g} cycles")
+        axis.set_title(f"{cycles(moment.sigma):.3g} cycles")
     save_figure(figure, folder, stem)
 
 
@@ -62,7 +62,7 @@ def draw_layer(axis: Any, x: Array, balls: HardBalls) -> None:
 
 
 def _window(x: Array, balls: HardBalls) -> Array:
-    """Return the lowest and highest x, y of a picture [m]: the cell, or all balls, of a line with some space beside."""
+    """Return the lowest and highest x, y of a picture [m]: the cell, or a box around all balls (at least 1 : 4)."""
     if balls.cell is not None:
         return np.array([np.zeros(2), balls.cell])
     window = np.array([x.min(axis=0), x.max(axis=0)]) + 1.3 * balls.radii.max() * np.array([[-1.0], [1.0]])

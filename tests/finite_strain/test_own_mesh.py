@@ -23,7 +23,8 @@ import finite_strain
 from finite_strain import TAGS, compat
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.own_mesh import OwnMesh
-from linear_bem import Elastic, InvalidProblem, Problem
+from linear_bem import Elastic, InvalidProblem, Load, Problem
+from linear_bem.result import FAINT
 from linear_bem.solver import solve
 from meshes.layer import gmsh_session
 from tests.finite_strain.scenes import SHAPES, at_small_strain, pair, relatively, single
@@ -271,11 +272,15 @@ def test_groups_of_a_file_are_known_by_name(tmp_path: Path) -> None:
     assert np.ptp(points[:, 2]) == pytest.approx(1.0)
 
 
-def test_the_error_of_a_single_ball_beside_a_wall_is_that_of_its_normal_force() -> None:
-    alone = replace(SMALL, balls=SMALL.balls[1:], load=replace(SMALL.load, values=SMALL.load.values[1:]))
+@pytest.mark.parametrize(("kind", "value", "what"), [("approach", None, "normal force"), ("force", 0.05, "approach")])
+def test_the_error_of_a_single_ball_beside_a_wall_is_that_of_what_is_not_given(
+    kind: str, value: float | None, what: str
+) -> None:
+    alone = replace(SMALL, balls=SMALL.balls[1:], load=Load(kind, (value or SMALL.load.values[1],)))
     solved = finite_strain.solve(
         alone, model="small_strain", tangential_force=0.3, mesh=block(**SPARSE), comm=COMM, steps=(1.0,)
     ).solved
-    assert solved.accuracy["relative_to"]["what"] == "the normal force"
+    assert solved.accuracy["relative_to"]["what"] == f"the {what}"
+    assert not any(note.startswith(FAINT) for note in solved.notes)
     squares = sum(term**2 for term in solved.accuracy["terms"].values())
     assert math.sqrt(squares) == relatively(solved.accuracy["reached"], 1e-6)

@@ -2,7 +2,8 @@
 
 Every case runs twice, each time in a separate process: the first run compiles the forms. Printed are unknowns,
 processor time and peak memory of the second run, and the ratios of planned to measured values and errors. Planned times
-are scaled by the machine's slowness before and after that run (mean): on a shared machine it changes within seconds.
+are multiplied by the mean of the machine's slowness before and after that run, as the speed of a shared machine changes
+within seconds.
 """
 
 import json
@@ -96,7 +97,7 @@ def main() -> None:
         for _ in range(2):
             output = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
         found, plan = json.loads(output.splitlines()[-1]), planned(name)
-        plan["seconds"] *= found.pop("slowness")  # on this machine, as the command says it
+        plan["seconds"] *= found.pop("slowness")
         ratios = " | ".join(f"{plan[key] / found[key]:.2f}" for key in found)
         print(
             f"| {name} | {found['unknowns']:.0f} | {found['seconds']:.1f} | {found['memory'] / 1e6:.0f} | {ratios} |",

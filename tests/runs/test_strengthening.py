@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from runs.comparison.strengthening_factors import answer, compare_steps, strengthening
-from runs.display.numbers import Scale, attraction, short_number, with_error, with_error_in_parentheses
+from runs.display.numbers import Scale, attraction, percent, short_number, with_error, with_error_in_parentheses
 
 SCALE = Scale(1.0, 1.0)
 
@@ -134,6 +134,12 @@ def test_a_value_is_written_to_the_place_of_its_error(
 ) -> None:
     assert with_error(value, error) == text
     assert with_error_in_parentheses(value, error) == compact
+
+
+def test_a_large_change_is_in_whole_percent() -> None:
+    assert [percent(change) for change in (0.0123, -0.05, 0.996, -1.04, 21.7)] == [
+        "+1.2 %", "-5 %", "+100 %", "-104 %", "+2170 %",
+    ]  # fmt: skip
 
 
 def test_a_short_number_keeps_three_digits() -> None:

@@ -155,7 +155,7 @@ def _mark_reference(axis: Any, rows: Sequence[Mapping[str, Any]], column: str) -
     if known is not None:
         color = STYLES["finite_strain"][0]
         axis.axhline(known, color=color, lw=0.9, ls="--", zorder=0)
-        words = f"reference known to {100.0 * known:.1g} %"
+        words = f"finite_strain known to {100.0 * known:.1g} %"
         axis.annotate(words, (0.0, known), (4, 3), xycoords=("axes fraction", "data"), textcoords="offset points",
                       fontsize=9, color=color)  # fmt: skip
 

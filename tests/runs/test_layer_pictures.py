@@ -1,0 +1,40 @@
+"""Pictures of a layer with many balls follow its shape."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib")
+
+from runs.evolution import layer_pictures
+from runs.evolution.hard_balls import HardBalls
+
+PLACES = 1e-3 * np.array([[6.0, 8.0], [18.0, 8.0], [6.0, 24.0], [18.0, 24.0]])
+
+
+def drawn(monkeypatch: pytest.MonkeyPatch, paths: Any, cell: Any = None) -> Any:
+    """Return the figure of a path with radii of 5 mm."""
+    figures: list[Any] = []
+    monkeypatch.setattr(layer_pictures, "save_figure", lambda figure, *_: figures.append(figure))
+    moments = [SimpleNamespace(positions=x, sigma=float(k)) for k, x in enumerate(paths)]
+    balls = HardBalls(np.full(len(paths[0]), 5e-3), cell)
+    layer_pictures.draw_top_views(Path(), moments, balls, lambda sigma: sigma, "top_views")
+    return figures[0]
+
+
+def test_a_ball_that_leaves_does_not_empty_the_pictures_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    away = PLACES + np.array([[10.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    first, last = drawn(monkeypatch, [PLACES, away]).axes
+    assert np.ptp(first.get_xlim()) < 30.0
+    assert last.get_xlim()[1] > 1e4
+
+
+@pytest.mark.parametrize("cell", [(100e-3, 30e-3), (30e-3, 100e-3)])
+def test_a_long_cell_fills_its_figure(monkeypatch: pytest.MonkeyPatch, cell: tuple[float, float]) -> None:
+    figure = drawn(monkeypatch, [PLACES] * 6, np.array(cell))
+    figure.draw_without_rendering()
+    covered = sum(axis.get_tightbbox().width * axis.get_tightbbox().height for axis in figure.axes)
+    assert covered > 0.75 * figure.bbox.width * figure.bbox.height
