@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from difflib import get_close_matches
 from numbers import Real
 from typing import Any, ClassVar
 
@@ -176,7 +177,9 @@ Energy = Callable[[Any], Any]
 def law_of(name: str, numbers: Mapping[str, Any]) -> tuple[Law | None, list[str]]:
     """Return the law of this name with its parameters, or None and a message "key: rule, got value" per fault."""
     if name not in LAWS:
-        return None, [f'law: must be one of {", ".join(LAWS)}, got "{name}"']
+        close = get_close_matches(name.lower().replace("-", "_").replace(" ", "_"), LAWS, n=1)
+        meant = f'; did you mean "{close[0]}"?' if close else ""
+        return None, [f'law: must be one of {", ".join(LAWS)}, got "{name}"{meant}']
     takes = [f.name for f in fields(LAWS[name])]
     known = f'law "{name}", which takes {" and ".join(takes) or "no numbers"}'
     texts = []

@@ -40,8 +40,9 @@ def _row(index: int, ball: int, states: tuple[Mapping[str, Any], ...]) -> dict[s
         "step": index + 1,
         "ball": ball,
         "normal_force": load,
-        "normal_force_error": step.get("record", {}).get("normal_force_error", [0.0] * (ball + 1))[ball],
+        "normal_force_error": _recorded(step, "normal_force_error", ball),
         "approach": finite["approach"],
+        "approach_error": _recorded(step, "approach_error", ball),
         "tangential_linear": same_force["tangential_force"],
         "tangential_linear_error": same_force["tangential_force_error"],
         "approach_linear_at_force": same_force["approach"],
@@ -59,6 +60,12 @@ def _row(index: int, ball: int, states: tuple[Mapping[str, Any], ...]) -> dict[s
     }
 
 
+def _recorded(step: Mapping[str, Any], name: str, ball: int) -> float:
+    """Return an estimated error of the finite-strain model, 0 where the quantity is prescribed."""
+    errors = step.get("record", {}).get(name)
+    return 0.0 if errors is None else float(errors[ball])
+
+
 def _floor(step: Mapping[str, Any]) -> float:
     return ROUNDOFF * max(math.hypot(*ball["tangential_force"]) for ball in step["balls"])
 
@@ -70,9 +77,9 @@ def _errors(step: Mapping[str, Any], ball: int) -> tuple[float, float]:
     at_force = (
         record["tangential_force_error_at_force"][ball] if "tangential_force_error_at_force" in record else at_approach
     )
-    if "approach_error" in record and state["approach"] > 0.0:
+    if state["approach"] > 0.0:
         # T ~ Q^2 ~ D^3 to leading order
-        relative = 3.0 * record["approach_error"][ball] / state["approach"]
+        relative = 3.0 * _recorded(step, "approach_error", ball) / state["approach"]
         at_approach += relative * math.hypot(*state["tangential_force"])
     return at_force, at_approach
 

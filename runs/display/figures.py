@@ -22,6 +22,8 @@ BARS: dict[str, Any] = {"ms": 4, "capsize": 3}
 """Markers and error bars of every curve."""
 SAME = 0.25
 """Largest relative deviation of a drawn contact's area and force from the result."""
+NUMBERED = 40
+"""Largest number of balls that are numbered from above."""
 NAMES = {"finite_strain": "finite strain", "small_strain": "small strain (finite elements)"}
 
 
@@ -161,6 +163,8 @@ def _draw_patches(
     figure: Any, axes: Any, patches: Sequence[Patch], largest: float, balls: Sequence[Mapping[str, Any]], scale: Scale
 ) -> None:
     """Draw contacts with their edges, colours up to the ``largest`` pressure [Pa], and all that is around them."""
+    from matplotlib.patheffects import withStroke  # noqa: PLC0415
+
     length, unit = scale.units.length, scale.units.pressure
     for patch in patches:
         x, y = patch.x / length.size, patch.y / length.size
@@ -168,8 +172,12 @@ def _draw_patches(
         axes.plot(x[-1], y[-1], color="0.15", lw=1.2)
     mesh = axes.collections[-1]
     figure.colorbar(mesh, ax=axes, label=unit.heading("contact pressure $p$"), shrink=0.9)
-    for ball in balls:
-        axes.plot(*(c / length.size for c in ball["position"]), "+", color="white", ms=10, mew=1.8)
+    for i, ball in enumerate(balls):
+        place = [c / length.size for c in ball["position"]]
+        axes.plot(*place, "+", color="white", ms=10, mew=1.8)
+        if 1 < len(balls) <= NUMBERED:
+            words = axes.annotate(f"{i}", place, (7, 5), textcoords="offset points", color="0.15", fontsize=9)
+            words.set_path_effects([withStroke(linewidth=2.5, foreground="white")])  # readable beside small contacts
     (x0, x1), (y0, y1) = _window(balls, scale)
     axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xlabel=length.heading("$x$"), ylabel=length.heading("$y$"))
     axes.set_title("Contact pressure from above (+: axes of the balls)")
@@ -214,7 +222,15 @@ def _draw_section(
     length = scale.units.length
     axes.set(xlabel=length.heading("along the section"), ylabel=length.heading("$z$"))
     axes.set_ylim((1.6 * lowest - 0.1 * scale.radius) / size, scale.radius / size)
-    axes.set_title("Section through the balls (dashed: undeformed)")
+    axes.set_title(f"{_section_words(balls)} (dashed: undeformed)")
+
+
+def _section_words(balls: Sequence[Mapping[str, Any]]) -> str:
+    if len(balls) == 1:
+        return "Section along x through the ball"
+    if len(balls) == 2:
+        return "Section through the balls"
+    return f"Section along the axes of balls 0 and {surface.farthest([ball['position'] for ball in balls])}"
 
 
 def _span(balls: Sequence[Mapping[str, Any]], along: Array) -> tuple[float, float]:

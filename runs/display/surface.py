@@ -66,12 +66,17 @@ def smoothed(surface: Surface) -> Iterator[Array]:
         values = np.bincount(corners.ravel(), part.ravel(), len(first)) / weights
 
 
+def farthest(positions: Sequence[Sequence[float]] | Array) -> int:
+    """Return the number of the ball farthest from the first one."""
+    return max(range(len(positions)), key=lambda i: math.dist(positions[i], positions[0]))
+
+
 def section_line(positions: Sequence[Sequence[float]] | Array) -> tuple[Array, Array, Array]:
     """Return the first ball's position [m] and unit vectors from it along the section, to the farthest, and across."""
     origin = np.asarray(positions[0], dtype=float)
-    farthest = np.asarray(max(positions, key=lambda p: math.dist(p, positions[0])), dtype=float)
-    length = float(np.linalg.norm(farthest - origin))
-    along = (farthest - origin) / length if length > 0.0 else np.array([1.0, 0.0])
+    across = np.asarray(positions[farthest(positions)], dtype=float) - origin
+    length = float(np.linalg.norm(across))
+    along = across / length if length > 0.0 else np.array([1.0, 0.0])
     return origin, along, np.array([-along[1], along[0]])
 
 

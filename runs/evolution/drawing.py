@@ -86,13 +86,16 @@ def draw_top_views(
 def draw_distances(folder: Path, document: Document, balls: HardBalls) -> None:
     """Write distances.png and .svg: distances of neighbours over cycles, as in the source's figures 2b and 7b.
 
-    Of more than `CURVES` pairs, how far away the nearest other ball of each is: least, median, quartiles, largest.
+    Neighbours are pairs that start close to each other, and pairs that come into contact later. Of more than `CURVES`
+    pairs, how far away the nearest other ball of each is: least, median, quartiles, largest.
     """
     from matplotlib import colormaps  # noqa: PLC0415
 
     path = document["path"]
     cycle = np.array([m["cycle"] for m in path])
-    pairs = starting_neighbours(np.array(path[0]["positions"]), balls, NEIGHBOURS)
+    beside = starting_neighbours(np.array(path[0]["positions"]), balls, NEIGHBOURS)
+    touching = [balls.number(i, j) for moment in path for i, j in moment["contacts"]]
+    pairs = np.union1d(beside, np.array(touching, dtype=np.intp))
     each = len(pairs) <= CURVES
     places = [np.array(m["positions"]) for m in path]
     if each:
@@ -126,7 +129,7 @@ def draw_distances(folder: Path, document: Document, balls: HardBalls) -> None:
     elif len(pairs) <= NAMED:
         axis.legend(title="balls", fontsize=8, title_fontsize=8, ncols=2 if len(pairs) > 4 else 1, loc="best")
     else:
-        axis.set_title(f"{len(pairs)} pairs of neighbours and next neighbours", fontsize=9)
+        axis.set_title(f"{len(pairs)} pairs that start as neighbours or touch later", fontsize=9)
     save_figure(figure, folder, "distances")
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from runs.display import tables
-from runs.display.numbers import count, duration, number
+from runs.display.numbers import bodies, count, duration, number
 from runs.display.rows import legend_of_balls
 from runs.evolution import drawing, layer_pictures, outcome
 from runs.evolution.drift import Moment
@@ -49,13 +49,16 @@ def show(session: Session, document: Document) -> None:
     end = document["path"][-1]
     title = f"{session.scene.title}: {document['model']}, after {number(end['cycle'])} cycles"
     periodic = "periodic" in session.scene.drift
+    shape = f"shape: {bodies(session.problem, session.scale)}"
     tables.say(out, *tables.warnings(document["solved"]))
     if len(document["balls"]) <= LISTED:
         tables.show_balls(out, document["balls"], session.scale, title, periodic=periodic)
         signs = [] if periodic else legend_of_balls(document["balls"], session.scale)
-        tables.say(out, session.scale.legend(), *signs)
+        tables.say(out, shape, session.scale.legend(), *signs)
     else:
-        tables.say(out, f"{title}; result.json has the final state of each of the {len(document['balls'])} balls")
+        tables.say(
+            out, f"{title}; result.json has the final state of each of the {len(document['balls'])} balls", shape
+        )
     tables.say(out, *_sentences(session.scene, document, session.scale.units.length))
     tables.say(out, *tables.notes(document["solved"]))
 

@@ -88,8 +88,6 @@ def of_problem(text: str, data: Mapping[str, Any]) -> str:
     written = data.get(table, {}).get(key)
     index = match["index"] if isinstance(written, list) else None
     which = "" if index is None else f" of ball {index[1:-1]}" if table in ("balls", "load") else index
-    quantity = isinstance(written, str) and NUMBER_AND_UNIT.fullmatch(written) is not None
-    as_given = f" (written {_written(written)})" if quantity else ""
     rule, _, remedy = match["rule"].partition("; ")
     if "overlap" in rule or table in ("periodic", "load"):
         rule = in_unit(rule, (Units.written(data) or Units()).length)
@@ -99,6 +97,8 @@ def of_problem(text: str, data: Mapping[str, Any]) -> str:
             remedy = "make the cell longer or the balls smaller"
         elif "across the cell's edge" in rule:
             remedy = f"{remedy}, or the cell larger"
+    quantity = isinstance(written, str) and NUMBER_AND_UNIT.fullmatch(written) is not None
+    as_given = f" (written {_written(written)})" if quantity and not rule.endswith(f"got {written}") else ""
     if key != "steps":  # their unit is that of the load
         remedy = remedy or _example(table, key)
     if key == "approach" and "rigid base" in rule and Units.written(data) is not None:

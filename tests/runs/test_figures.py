@@ -66,6 +66,7 @@ def test_the_section_shows_the_bodies_that_it_cuts_as_it_cuts_them(tmp_path: Pat
     figures._draw_section(axes, cut, SimpleNamespace(balls=balls), states, Scale(1.0, 1.0))  # type: ignore[arg-type]
     circles = [line for line in axes.lines if line.get_color() == "0.25"]
     assert [np.ptp(circle.get_xdata()) for circle in circles] == pytest.approx([2.0, 2.0, 1.6])
+    assert axes.get_title().startswith("Section along the axes of balls 0 and 1")
 
 
 def test_the_picture_shows_the_pressure(tmp_path: Path) -> None:

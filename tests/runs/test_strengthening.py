@@ -70,6 +70,16 @@ def test_rows_carry_both_ratios_per_step_and_ball() -> None:
     assert rows[0]["strengthening_at_force_error"] == pytest.approx(1.5e-2)
     assert rows[0]["tangential_ratio"] == pytest.approx(-3e-2)
     assert rows[1]["tangential_ratio"] == pytest.approx(-3e-2)
+    assert rows[1]["approach_error"] == rows[1]["normal_force_error"] == 0.0  # nothing is recorded
+
+
+def test_an_unsure_approach_is_in_the_row_and_three_times_in_the_ratio_at_equal_approach() -> None:
+    finite = pair(-3e-3, 3e-5)
+    finite["record"]["approach_error"] = [0.015, 0.0]  # 5 % of the first ball's
+    rows = compare_steps([finite], [pair(-2e-3)], [pair(-1.5e-3)])
+    assert [row["approach_error"] for row in rows] == [0.015, 0.0]
+    assert [row["strengthening_at_approach_error"] for row in rows] == pytest.approx([2.0 * 0.16, 2.0 * 0.01])
+    assert rows[0]["strengthening_at_force_error"] == pytest.approx(1.5e-2)
     assert rows[0]["note"] is None
 
 

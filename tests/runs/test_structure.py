@@ -99,7 +99,10 @@ def test_the_peak_of_the_structure_factor_is_a_number_of_a_cell(tmp_path: Path) 
     state = State(np.ones((64, 2)), np.ones(64), np.zeros(64))
     moment = Moment(0.0, x, state, np.array([], int), np.array([]), 1.0, 0.5, 0.1, False)
     assert "structure_peak" not in structure.row(moment, HardBalls(np.ones(64)))
-    path = [{"cycle": 0.0, "positions": x}, {"cycle": 2.0, "positions": 0.8 * x}]
+    path = [
+        {"cycle": 0.0, "positions": x, "contacts": []},
+        {"cycle": 2.0, "positions": 0.8 * x, "contacts": [[2, 8]]},  # far apart at the start
+    ]
     drawn: list[Any] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(drawing, "save_figure", lambda figure, *_: drawn.append(figure.axes[0]))
@@ -109,4 +112,5 @@ def test_the_peak_of_the_structure_factor_is_a_number_of_a_cell(tmp_path: Path) 
     many, few = drawn
     assert len(many.lines) == 4  # least, median, largest, and where balls touch
     assert many.lines[1].get_ydata() == pytest.approx([3e3, 2.4e3])
-    assert len(few.lines) == 10  # seven pairs along a row, one across, one diagonal, and where balls touch
+    # seven pairs along a row, one across, one diagonal, one that touches later, and where balls touch
+    assert len(few.lines) == 11
