@@ -8,7 +8,8 @@
 """
 
 from linear_bem.errors import InvalidProblem, NotConverged, ThirdBodyError, TooLarge, UnsupportedProblem
-from linear_bem.grid.height_field import HeightFieldContact, contact_area_curve, solve_height_field
+from linear_bem.grid.height_field import contact_area_curve, solve_height_field
+from linear_bem.grid.height_field_contact import HeightFieldContact
 from linear_bem.grid.topography import read_heights
 from linear_bem.indenter import Cone, Ellipsoid, Indenter, Paraboloid, Punch, Sphere
 from linear_bem.interaction_energy import elastic_energy, energy_force

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from numbers import Real
 
 import numpy as np
@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 from linear_bem.arrays import Array, Mask
 from linear_bem.depth import CHECK_UNITS, dent, large_strain_note
 from linear_bem.errors import InvalidProblem, NotConverged
+from linear_bem.grid.height_field_contact import HeightFieldContact, coarse_note
 from linear_bem.grid.height_field_input import grid_faults, load_faults, medium_faults, real
 from linear_bem.grid.outline import edge_error, excess_edge
 from linear_bem.grid.patches import Patch, Patches
@@ -26,31 +27,6 @@ STEEP = 10.0
 """Root mean square slope of heights above which a note doubts their unit."""
 LEAST_GAP = 1e-9
 """Smallest mean gap over the mean height above the lowest one; a smaller gap is complete contact to roundoff."""
-
-
-@dataclass(frozen=True)
-class HeightFieldContact:
-    """Pressure [Pa] and displacement [m] at the cells, approach [m], force [N], mean gap [m], contact area [m^2].
-
-    Arrays have the shape of the heights; displacements are positive into the layer. For a periodic surface, values are
-    those of one period and, unless the base is rigid, displacement and approach are measured from the mean of the
-    deformed surface. ``contact_area`` is the area of the cells in contact less their excess at the edges;
-    ``contact_area_error`` comes from the edges' unknown position within cells (`linear_bem.grid.outline`).
-    ``gap_in_contact`` and ``penetration_outside`` are recomputed residuals over the approach. ``notes`` warn if a layer
-    is indented by more than half of its thickness, where small strain does not hold.
-    """
-
-    pressure: Array = field(repr=False)
-    displacement: Array = field(repr=False)
-    approach: float
-    normal_force: float
-    mean_gap: float
-    contact_area: float
-    contact_area_error: float
-    iterations: int
-    gap_in_contact: float
-    penetration_outside: float
-    notes: tuple[str, ...] = ()
 
 
 def _solve_grid(
@@ -149,7 +125,8 @@ def solve_height_field(
         base = dent(substrate, layer.thickness, found.normal_force, found.contact_area)
         notes = large_strain_note(layer, deepest, base)
     notes = tuple(note.replace(CHECK_UNITS, "check the units of heights, cell and layer") for note in notes)
-    return replace(found, approach=found.approach + lowest, notes=(*_steep_note(heights, cell), *notes))
+    notes = (*_steep_note(heights, cell), *coarse_note(found), *notes)
+    return replace(found, approach=found.approach + lowest, notes=notes)
 
 
 def _steep_note(heights: Array, cell: float) -> tuple[str, ...]:

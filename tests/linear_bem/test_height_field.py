@@ -73,10 +73,23 @@ def test_heights_in_another_unit_than_their_cell_are_doubted():
     heights, cell = paraboloid(64)
     layer = Layer(1.0, 0.3, np.inf)
     assert solve_height_field(layer, None, heights, cell, approach=0.05).notes == ()
-    (note,) = solve_height_field(layer, None, 1e3 * heights, cell, approach=0.5).notes
+    note, few_cells = solve_height_field(layer, None, 1e3 * heights, cell, approach=0.5).notes
+    assert "a few cells wide" in few_cells
     assert note.startswith("the median slope of the heights is 250")
     pillars = np.where(heights < 0.2 * heights.max(), 0.0, 1.0)
     assert solve_height_field(layer, None, pillars, cell / 100.0, approach=1e-4).notes == ()
+
+
+def test_a_surface_that_differs_from_cell_to_cell_has_an_area_known_hardly_and_says_so():
+    heights = np.random.default_rng(1).normal(size=(64, 64))
+    light, full = (
+        solve_height_field(Layer(1.0, 0.45, np.inf), None, heights, 1.0, normal_force=force, periodic=True)
+        for force in (1.0, 1e4)
+    )
+    assert f"{100.0 * light.contact_area_error / light.contact_area:.0f} % only: the contact spots" in light.notes[0]
+    assert light.notes[0] in light.summary()
+    assert f"{light.contact_area:.4g} ± {light.contact_area_error:.2g} m^2" in light.summary()
+    assert full.notes == ()
 
 
 def test_separate_summits_are_all_found():

@@ -1,0 +1,56 @@
+"""The contact of a rigid height field: its fields, its numbers, and a note where the grid is coarse."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from linear_bem.arrays import Array
+from linear_bem.counts import grouped
+
+COARSE = 0.25
+"""Relative error of the contact area above which a note says that the grid is coarse."""
+
+
+@dataclass(frozen=True)
+class HeightFieldContact:
+    """Pressure [Pa] and displacement [m] at the cells, approach [m], force [N], mean gap [m], contact area [m^2].
+
+    Arrays have the shape of the heights; displacements are positive into the layer. For a periodic surface, values are
+    those of one period and, unless the base is rigid, displacement and approach are measured from the mean of the
+    deformed surface. ``contact_area`` is the area of the cells in contact less their excess at the edges;
+    ``contact_area_error`` comes from the edges' unknown position within cells (`linear_bem.grid.outline`).
+    ``gap_in_contact`` and ``penetration_outside`` are recomputed residuals over the approach. ``notes`` warn if a layer
+    is indented by more than half of its thickness, where small strain does not hold, and if contact spots are only a
+    few cells wide.
+    """
+
+    pressure: Array = field(repr=False)
+    displacement: Array = field(repr=False)
+    approach: float
+    normal_force: float
+    mean_gap: float
+    contact_area: float
+    contact_area_error: float
+    iterations: int
+    gap_in_contact: float
+    penetration_outside: float
+    notes: tuple[str, ...] = ()
+
+    def summary(self) -> str:
+        """Return the numbers of the contact, in SI units, and the notes as text."""
+        area, error, peak = self.contact_area, self.contact_area_error, float(np.max(self.pressure))
+        lines = [
+            f"{grouped(self.pressure.size)} cells, {self.iterations} iterations",
+            f"normal force {self.normal_force:.5g} N, approach {self.approach:.5g} m, mean gap {self.mean_gap:.5g} m",
+            f"contact area {area:.4g} ± {error:.2g} m^2, largest pressure {peak:.4g} Pa",
+        ]
+        return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
+
+
+def coarse_note(found: HeightFieldContact) -> tuple[str, ...]:
+    """Return a note on contact spots of so few cells that their area is hardly known."""
+    share = found.contact_area_error / found.contact_area
+    if share <= COARSE:
+        return ()
+    spots = "the contact spots are only a few cells wide: sample the surface more finely if it is smooth between cells"
+    return (f"the contact area is known to {100.0 * share:.0f} % only: {spots}",)
