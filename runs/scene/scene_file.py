@@ -81,7 +81,10 @@ class AccuracyTable(Table):
     """
 
     tangential_force: Number | None = None
-    """Largest permitted relative error of T; for finite elements at least 1e-4."""
+    """Largest permitted relative error of T; for finite elements at least 1e-4.
+
+    A single ball has no T: finite elements then refine its normal force, or its approach under a given force.
+    """
     seconds: Number | None = None
     """Wall time of the run [s] beyond which no finer mesh is started.
 
