@@ -34,7 +34,7 @@ def solve(
     problem: Problem,
     *,
     model: str = "finite_strain",
-    tangential_force: float = DEFAULT_ACCURACY,
+    accuracy: float = DEFAULT_ACCURACY,
     comm: Any = None,
     folder: Path | str | None = None,
     observer: Observer | None = None,
@@ -58,7 +58,7 @@ def solve(
         deformed configuration; without it the same code uses linear elasticity and linearised contact.
     model
         The expected model, "finite_strain" or "small_strain"; a problem of the other model is refused.
-    tangential_force
+    accuracy
         Relative accuracy of T at full load: meshes are refined until the error estimate meets it, or until the
         next mesh would exceed the budget. ``solved.accuracy`` states the accuracy reached and why refinement ended.
     comm
@@ -97,7 +97,7 @@ def solve(
 
     """
     check_arguments(
-        problem=problem, tangential_force=tangential_force, folder=folder, seconds=seconds, unknowns=unknowns,
+        problem=problem, accuracy=accuracy, folder=folder, seconds=seconds, unknowns=unknowns,
         steps=steps, numerics=numerics, solver_options=solver_options, inspect=inspect,
     )  # fmt: skip
     missing = [name for name in NEEDED if find_spec(name) is None]
@@ -120,7 +120,7 @@ def solve(
 
         own = OwnMesh(mesh, comm)
     plan = plan_run(
-        problem, tangential_force, model, Budget(seconds, unknowns), steps, numerics, None if own is None else own.fit
+        problem, accuracy, model, Budget(seconds, unknowns), steps, numerics, None if own is None else own.fit
     )
     from finite_strain.equilibrium.linear_solver import with_options  # noqa: PLC0415
     from finite_strain.mechanics.own_energy import check_own_energy  # noqa: PLC0415
@@ -135,7 +135,7 @@ def solve(
 
 def plan(
     problem: Problem,
-    tangential_force: float = DEFAULT_ACCURACY,
+    accuracy: float = DEFAULT_ACCURACY,
     model: str = "finite_strain",
     *,
     seconds: float | None = None,
@@ -146,11 +146,11 @@ def plan(
 
     Times [s] are those of the machine on which `finite_strain.planning.cost` was measured; commands scale them.
     """
-    check_arguments(problem=problem, tangential_force=tangential_force, seconds=seconds, unknowns=unknowns, steps=steps)
+    check_arguments(problem=problem, accuracy=accuracy, seconds=seconds, unknowns=unknowns, steps=steps)
     from finite_strain.planning.forecast import forecast  # noqa: PLC0415
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
-    return forecast(plan_run(problem, tangential_force, model, Budget(seconds, unknowns), steps))
+    return forecast(plan_run(problem, accuracy, model, Budget(seconds, unknowns), steps))
 
 
 __all__ = ["DEFAULT_ACCURACY", "FORMAT", "NEEDED", "TAGS", "FieldChoice", "Numerics", "Observer", "plan", "solve"]

@@ -33,7 +33,7 @@ def _inspector(value: Any) -> bool:
 
 RULES: dict[str, tuple[Any, str]] = {
     "problem": (lambda v: isinstance(v, Problem), "a linear_bem.Problem"),
-    "tangential_force": (lambda v: isinstance(v, Real), "a number between 0 and 1"),
+    "accuracy": (lambda v: isinstance(v, Real), "a number between 0 and 1"),
     "folder": (lambda v: v is None or isinstance(v, str | Path), "the path of a folder"),
     "seconds": (lambda v: v is None or isinstance(v, Real), "a number"),
     "unknowns": (lambda v: v is None or isinstance(v, Real), "a number"),

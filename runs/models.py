@@ -80,7 +80,7 @@ class Model:
 
 
 def _accuracy(value: float | None) -> dict[str, float]:
-    return {} if value is None else {"tangential_force": value}
+    return {} if value is None else {"accuracy": value}
 
 
 def _point_load(problem: Problem, run: Run) -> Result:
@@ -92,8 +92,7 @@ def _point_load(problem: Problem, run: Run) -> Result:
 def _linear_bem(problem: Problem, run: Run) -> Result:
     from linear_bem import solve_contact  # noqa: PLC0415
 
-    accuracy = {} if run.tangential_force is None else {"accuracy": run.tangential_force}
-    solution = solve_contact(problem, **accuracy, report=run.report, sample=run.sample)
+    solution = solve_contact(problem, **_accuracy(run.tangential_force), report=run.report, sample=run.sample)
     run.inspect(solution)
     return solution.result()
 

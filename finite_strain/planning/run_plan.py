@@ -165,7 +165,7 @@ Fit = Callable[[Problem, Sequence[Indentation]], tuple[Reduction, GivenMesh]]
 
 
 def plan_run(
-    problem: Problem, tangential_force: float, model: str, budget: Budget | None = None,
+    problem: Problem, accuracy: float, model: str, budget: Budget | None = None,
     steps: Sequence[float] | None = (1.0,), numerics: Numerics = DEFAULT, fit: Fit | None = None,
 ) -> RunPlan:  # fmt: skip
     """Return the plan of a run with results at the load fractions ``steps`` (None: six equal steps of the approach).
@@ -173,12 +173,12 @@ def plan_run(
     ``model`` is the one that the caller expects; ``fit`` returns the part and dimensions of a user's mesh. Raises
     `InvalidProblem`, and `UnsupportedProblem`, naming the key, also if the problem needs the other model.
     """
-    if not tangential_force < 1.0:
-        raise InvalidProblem(f"accuracy.tangential_force: must be below 1 (2 % is 0.02), got {tangential_force:g}")
-    if not tangential_force >= LEAST_ACCURACY:
+    if not accuracy < 1.0:
+        raise InvalidProblem(f"accuracy.tangential_force: must be below 1 (2 % is 0.02), got {accuracy:g}")
+    if not accuracy >= LEAST_ACCURACY:
         raise InvalidProblem(
             f"accuracy.tangential_force: must lie between {LEAST_ACCURACY:g}, about the best that finite "
-            f"elements reach, and 1, got {tangential_force:g}; raise it, or use linear_bem"
+            f"elements reach, and 1, got {accuracy:g}; raise it, or use linear_bem"
         )
     faults = depth_faults(problem)
     if faults:
@@ -199,8 +199,8 @@ def plan_run(
         _check_apart(problem, expected)
     reduction, given = (reduce_scene(problem), None) if fit is None else fit(problem, expected)
     plan = RunPlan(
-        problem, reduction, goals, tangential_force, budget or Budget(), numerics, tuple(expected),
-        choose_extent(problem, expected, tangential_force), given,
+        problem, reduction, goals, accuracy, budget or Budget(), numerics, tuple(expected),
+        choose_extent(problem, expected, accuracy), given,
     )  # fmt: skip
     least, most = plan.unknowns(FIRST), plan.budget.unknowns or MOST_AT_FIRST
     if least > most:

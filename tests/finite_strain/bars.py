@@ -40,7 +40,7 @@ def rows(name: str, folder: Path, unknowns: float) -> list[dict[str, float | str
     problem = SCENES[name]
     full = problem.load.values[0]
     steps = [d / full for d in APPROACHES if d <= full * (1.0 + 1e-9)]
-    finite_strain.solve(problem, tangential_force=1e-4, unknowns=unknowns, steps=steps, folder=folder / name)
+    finite_strain.solve(problem, accuracy=1e-4, unknowns=unknowns, steps=steps, folder=folder / name)
     *levels, finest = json.loads((folder / name / NAME).read_text(encoding="utf-8"))["discretisations"]
     table: list[dict[str, float | str]] = []
     for level in levels:

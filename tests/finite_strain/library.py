@@ -40,7 +40,7 @@ def inspect(step: Any, functions: dict[str, Any]) -> None:
     deepest.append(MPI.COMM_WORLD.allreduce(float(functions["displacement"].x.array.min()), MPI.MIN))
 
 
-coarse: dict[str, Any] = {"tangential_force": 0.3, "numerics": finite_strain.Numerics(growth=4.0, more_loads=())}
+coarse: dict[str, Any] = {"accuracy": 0.3, "numerics": finite_strain.Numerics(growth=4.0, more_loads=())}
 own = finite_strain.solve(problem, solver_options={"pc_type": "lu"}, inspect=inspect, **coarse)
 paraboloids = tuple(Ball(ball.position, 1.0, "paraboloid") for ball in balls)
 named = finite_strain.solve(replace(problem, balls=paraboloids, finite_strain=FiniteStrain()), **coarse)

@@ -20,5 +20,5 @@ def press(ranks: int, folder: Path, *names: str) -> Any:
 
 
 def solve(folder: Path, observer: Any) -> Any:
-    options = {"tangential_force": ACCURACY, "steps": STEPS, "numerics": COARSER}
+    options = {"accuracy": ACCURACY, "steps": STEPS, "numerics": COARSER}
     return finite_strain.solve(light_pair(), folder=folder, observer=observer, **options)

@@ -50,6 +50,6 @@ if __name__ == "__main__":
         print(name, flush=True)
         deepest = max(scene.problem.load.values)
         finite_strain.solve(
-            scene.problem, tangential_force=0.2, steps=[depth / deepest for depth in scene.approaches],
+            scene.problem, accuracy=0.2, steps=[depth / deepest for depth in scene.approaches],
             observer=Cleft(),
         )  # fmt: skip

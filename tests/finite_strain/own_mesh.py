@@ -24,7 +24,7 @@ balls = tuple(Ball((x, 0.0), 1.0, "sphere") for x in (-1.0, 1.0))
 problem = Problem(layer, balls, Load("approach", (0.1, 0.1)), finite_strain=FiniteStrain())
 comm = MPI.COMM_WORLD
 folder = Path(comm.bcast(mkdtemp() if comm.rank == 0 else "", root=0))
-given: dict[str, Any] = {"tangential_force": 0.3, "numerics": COARSER}
+given: dict[str, Any] = {"accuracy": 0.3, "numerics": COARSER}
 answers = {"scene": finite_strain.solve(problem, folder=folder, **given)}
 
 answers["file"] = finite_strain.solve(problem, mesh=folder / "mesh_1.msh", **given)
@@ -49,9 +49,7 @@ options = {"ghost_mode": dolfinx.mesh.GhostMode.none, "partitioner": all_on_the_
 meshed = block(**SPARSE, comm=comm, **options)
 cells = comm.allgather(meshed[0].topology.index_map(3).size_local)
 for name, solver in SOLVERS.items():
-    answers[name] = finite_strain.solve(
-        SMALL, mesh=meshed, model="small_strain", tangential_force=0.3, solver_options=solver
-    )
+    answers[name] = finite_strain.solve(SMALL, mesh=meshed, model="small_strain", accuracy=0.3, solver_options=solver)
 
 if comm.rank == 0:
     print(json.dumps({"cells": cells, "alike": alike, **{name: answer.to_dict() for name, answer in answers.items()}}))

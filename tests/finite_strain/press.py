@@ -44,7 +44,7 @@ def job(name: str, folder: str) -> Any:
     hasty = replace(COARSER, shortest_step=0.4, newton_iterations=1)
     try:
         result = finite_strain.solve(
-            light_pair(), tangential_force=ACCURACY, folder=folder, observer=observer, steps=STEPS,
+            light_pair(), accuracy=ACCURACY, folder=folder, observer=observer, steps=STEPS,
             numerics=hasty if name == "failing" else COARSER,
         )  # fmt: skip
     except (Stopped, ThirdBodyError) as error:

@@ -47,7 +47,7 @@ def strengthening(step: Any, problem: Any) -> float:
 @pytest.fixture(scope="module")
 def deep() -> Any:
     """The thin pair pressed in by 0.3 R on the coarsest elements."""
-    return finite_strain.solve(pair(0.3), tangential_force=0.3, steps=STEPS, numerics=COARSER)
+    return finite_strain.solve(pair(0.3), accuracy=0.3, steps=STEPS, numerics=COARSER)
 
 
 def test_finite_strain_strengthens_the_force_at_depth_and_not_under_light_load(deep: Any) -> None:
@@ -102,7 +102,7 @@ def test_contact_forces_equal_the_base_reaction_at_every_depth(deep: Any) -> Non
 
 @pytest.fixture(scope="module")
 def ball_on_layer() -> Any:
-    return finite_strain.solve(single(0.3), tangential_force=0.3, steps=STEPS, numerics=COARSER)
+    return finite_strain.solve(single(0.3), accuracy=0.3, steps=STEPS, numerics=COARSER)
 
 
 def test_a_single_ball_feels_no_in_plane_force_at_any_depth(ball_on_layer: Any) -> None:
@@ -150,7 +150,7 @@ def test_every_indenter_meets_the_linear_model_at_small_strain(name: str, tmp_pa
 def test_forces_on_three_balls_in_an_l_match_the_linear_model_and_sum_to_zero() -> None:
     balls = balls_at((0.0, 0.0), (2.2, 0.0), (0.0, 2.5), shape="paraboloid")
     problem = at_small_strain(on_layer(balls, Load("approach", (0.2,) * 3), poisson=0.3))
-    result = finite_strain.solve(problem, model="small_strain", tangential_force=0.9, numerics=COARSER)
+    result = finite_strain.solve(problem, model="small_strain", accuracy=0.9, numerics=COARSER)
     linear = linear_bem.solve(problem)
     total, error = np.zeros(2), 0.0
     for ball, reference in zip(result.balls, linear.balls, strict=True):
@@ -167,7 +167,7 @@ def test_the_force_on_a_deep_ball_is_known_from_its_light_neighbour() -> None:
     problem = at_small_strain(
         on_layer(balls_at((-1.0, 0.0), (1.0, 0.0), shape="paraboloid"), Load("approach", (0.2, 0.01)))
     )
-    result = finite_strain.solve(problem, model="small_strain", tangential_force=0.9, numerics=COARSER)
+    result = finite_strain.solve(problem, model="small_strain", accuracy=0.9, numerics=COARSER)
     truth = linear_bem.solve(problem).balls[0].tangential_force[0]
     (deep, _), (light, _) = (ball.tangential_force for ball in result.balls)
     assert deep == relatively(-light, 1e-12)

@@ -49,7 +49,7 @@ def breaking(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
 
 def pressed(**options: Any) -> Any:
-    given = {"tangential_force": ACCURACY, "steps": STEPS, "numerics": COARSER}
+    given = {"accuracy": ACCURACY, "steps": STEPS, "numerics": COARSER}
     return finite_strain.solve(light_pair(), **given | options)
 
 
@@ -103,7 +103,7 @@ def test_a_run_goes_on_without_a_pair_that_fails_and_reports_it(breaking: dict[s
 
 
 def test_no_discretisation_has_more_unknowns_than_the_budget_allows(usual: Any) -> None:
-    bound = pressed(tangential_force=1e-3, steps=(1.0,), unknowns=1.5 * usual.solved.unknowns)
+    bound = pressed(accuracy=1e-3, steps=(1.0,), unknowns=1.5 * usual.solved.unknowns)
     accuracy = bound.solved.accuracy
     assert all(mesh["unknowns"] <= accuracy["budget"]["unknowns"] for mesh in accuracy["meshes"])
     assert not accuracy["met"]
@@ -113,7 +113,7 @@ def test_no_discretisation_has_more_unknowns_than_the_budget_allows(usual: Any) 
 
 
 def test_an_exhausted_time_budget_is_reported() -> None:
-    hasty = pressed(tangential_force=1e-3, steps=(1.0,), seconds=0.5)
+    hasty = pressed(accuracy=1e-3, steps=(1.0,), seconds=0.5)
     assert len(hasty.solved.accuracy["meshes"]) == 2  # the fewest that an error estimate needs
     assert "the budget of 0.5 s" in hasty.solved.accuracy["stopped"]
     assert any(note.endswith("more than the budget of 0.5 s") for note in hasty.solved.notes)

@@ -165,7 +165,7 @@ def test_a_path_of_forces_ends_with_its_key_where_the_layer_ends(tmp_path: Path)
     with pytest.raises(
         UnsupportedProblem, match=r"^load\.force: .* 0\.9 of the layer's thickness \(1\.16 m\), got 7 N, of which 93 %"
     ):
-        finite_strain.solve(problem, tangential_force=0.3, numerics=COARSER, folder=tmp_path)
+        finite_strain.solve(problem, accuracy=0.3, numerics=COARSER, folder=tmp_path)
 
 
 def test_touching_balls_do_not_overlap_however_deep() -> None:

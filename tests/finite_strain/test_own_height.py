@@ -97,7 +97,7 @@ def test_a_height_of_numpy_functions_presses_like_the_same_body(bodies: tuple[An
 
 def test_the_pull_of_kinked_bodies_at_small_strain_is_that_of_the_linear_model_within_its_error() -> None:
     problem = at_small_strain(pair(0.1, shape=Kinked(), poisson=0.3))
-    found = finite_strain.solve(problem, tangential_force=0.3, numerics=COARSER, model="small_strain").balls[0]
+    found = finite_strain.solve(problem, accuracy=0.3, numerics=COARSER, model="small_strain").balls[0]
     known = solve(problem, 1e-4).balls[0]
     assert abs(found.tangential_force[0] - known.tangential_force[0]) < found.tangential_force_error
     assert found.tangential_force_error < 0.05 * abs(known.tangential_force[0])

@@ -94,7 +94,7 @@ def on_block(meshed: Any, folder: Path) -> tuple[Any, Any, Any]:
     """Return the answer on a mesh, the mesh that a user's function got, and the fields written."""
     seen: list[Any] = []
     answer = finite_strain.solve(
-        SMALL, model="small_strain", tangential_force=0.3, mesh=meshed, folder=folder, comm=COMM,
+        SMALL, model="small_strain", accuracy=0.3, mesh=meshed, folder=folder, comm=COMM,
         inspect=lambda _, functions: seen.append(functions["displacement"].function_space.mesh),
     )  # fmt: skip
     from runs.pictures.written_step import read_whole  # noqa: PLC0415
@@ -132,7 +132,7 @@ def test_a_rank_without_cells_does_no_harm(on_two: Any) -> None:
     assert on_two["cells"] == [math.prod(len(lines) - 1 for lines in SPARSE.values()), 0]
     for name, options in SOLVERS.items():
         alone = finite_strain.solve(
-            SMALL, mesh=block(**SPARSE), model="small_strain", tangential_force=0.3, comm=COMM, solver_options=options
+            SMALL, mesh=block(**SPARSE), model="small_strain", accuracy=0.3, comm=COMM, solver_options=options
         ).balls[0]
         found = on_two[name]["balls"][0]
         assert found["normal_force"] == relatively(alone.normal_force, 1e-5)
@@ -278,7 +278,7 @@ def test_the_error_of_a_single_ball_beside_a_wall_is_that_of_what_is_not_given(
 ) -> None:
     alone = replace(SMALL, balls=SMALL.balls[1:], load=Load(kind, (value or SMALL.load.values[1],)))
     solved = finite_strain.solve(
-        alone, model="small_strain", tangential_force=0.3, mesh=block(**SPARSE), comm=COMM, steps=(1.0,)
+        alone, model="small_strain", accuracy=0.3, mesh=block(**SPARSE), comm=COMM, steps=(1.0,)
     ).solved
     assert solved.accuracy["relative_to"]["what"] == f"the {what}"
     assert not any(note.startswith(FAINT) for note in solved.notes)

@@ -32,7 +32,7 @@ def both(request: pytest.FixtureRequest) -> tuple[str, Any, Any]:
     asked = small if model == "small_strain" else problem
     return (
         model,
-        finite_strain.solve(asked, model=model, tangential_force=accuracy, numerics=WIDER),
+        finite_strain.solve(asked, model=model, accuracy=accuracy, numerics=WIDER),
         linear_bem.solve(small),
     )
 

@@ -112,7 +112,7 @@ def test_a_run_with_a_higher_accuracy_starts_over(result: Any, folder: Path, tmp
     hasty = StopAfter(1)
     with pytest.raises(Stopped):
         finite_strain.solve(
-            light_pair(), tangential_force=0.5 * ACCURACY, folder=tmp_path, observer=hasty, steps=STEPS,
+            light_pair(), accuracy=0.5 * ACCURACY, folder=tmp_path, observer=hasty, steps=STEPS,
             numerics=COARSER,
         )  # fmt: skip
     assert {attempt["mesh"] for attempt in hasty.attempts} >= {"coarse", "main"}

@@ -199,7 +199,7 @@ def test_the_index_holds_every_step(result: Any, folder: Path) -> None:
 
 def test_a_run_with_one_answer_compares_its_meshes_at_more_loads(tmp_path: Path) -> None:
     numerics = replace(COARSER, more_loads=(0.6, 0.8))
-    result = finite_strain.solve(light_pair(), tangential_force=ACCURACY, folder=tmp_path, numerics=numerics)
+    result = finite_strain.solve(light_pair(), accuracy=ACCURACY, folder=tmp_path, numerics=numerics)
     assert [step.record["fraction"] for step in result.steps] == [1.0]
     fine = json.loads((tmp_path / NAME).read_text(encoding="utf-8"))["discretisations"][-1]
     assert [row["own"]["fraction"] for row in fine["rows"]] == relatively([0.6, 0.8, 1.0], 1e-12)
@@ -212,7 +212,7 @@ def test_a_run_with_one_answer_compares_its_meshes_at_more_loads(tmp_path: Path)
 
 def test_the_force_of_one_ball_is_known_to_the_accuracy_asked(tmp_path: Path) -> None:
     scene = replace(light_pair(), balls=light_pair().balls[:1], load=Load("approach", light_pair().load.values[:1]))
-    result = finite_strain.solve(scene, tangential_force=0.05, folder=tmp_path, numerics=COARSER)
+    result = finite_strain.solve(scene, accuracy=0.05, folder=tmp_path, numerics=COARSER)
     (ball,), accuracy = result.balls, result.solved.accuracy
     assert ball.tangential_force == (0.0, 0.0)
     assert accuracy["relative_to"] == {"what": "the normal force", "force": 0.0}

@@ -32,7 +32,7 @@ def test_bodies_that_swap_their_places_keep_their_forces(tmp_path: Path) -> None
 
 
 def test_the_pull_of_a_sphere_and_a_cone_is_near_that_of_the_linear_model() -> None:
-    balls = finite_strain.solve(PROBLEM, tangential_force=0.3, numerics=COARSER).balls
+    balls = finite_strain.solve(PROBLEM, accuracy=0.3, numerics=COARSER).balls
     for ball, known in zip(balls, solve(at_small_strain(PROBLEM), 1e-4).balls, strict=True):
         assert ball.normal_force == pytest.approx(known.normal_force, rel=0.15)
         assert ball.tangential_force[0] == pytest.approx(known.tangential_force[0], rel=0.3)

@@ -64,7 +64,7 @@ def solved(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
     def run(folder: Path, listener: Listener) -> Result:
         return request.param.solve(
-            light_pair(), tangential_force=0.3, comm=MPI.COMM_SELF, folder=folder, observer=listener, steps=STEPS,
+            light_pair(), accuracy=0.3, comm=MPI.COMM_SELF, folder=folder, observer=listener, steps=STEPS,
             numerics=COARSER,
         )  # fmt: skip
 

@@ -57,7 +57,7 @@ def measure(name: str) -> dict[str, float]:
     began = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         solved = finite_strain.solve(
-            problem, tangential_force=accuracy, steps=steps, folder=Path(folder),
+            problem, accuracy=accuracy, steps=steps, folder=Path(folder),
             fields=finite_strain.FieldChoice(names=()),
         ).solved  # fmt: skip
     seconds = time.process_time() - began

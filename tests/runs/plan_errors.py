@@ -74,7 +74,7 @@ def measure(number: int, small: bool) -> tuple[float, float] | None:
         return None
     with tempfile.TemporaryDirectory() as folder:
         solved = finite_strain.solve(
-            problem, model=plan.model, tangential_force=accuracy, folder=Path(folder),
+            problem, model=plan.model, accuracy=accuracy, folder=Path(folder),
             fields=finite_strain.FieldChoice(names=()), unknowns=1.05 * plan.unknowns(FIRST),
         ).solved  # fmt: skip
     return first_error(plan), solved.accuracy["meshes"][1]["reached"]

@@ -31,7 +31,7 @@ def compute(thickness: float, file: Path) -> None:
     row: dict[str, Any] = {"h/R": thickness, "key": KEY}
     linear = dataclasses.replace(problem, finite_strain=None)
     # one rank alone runs this study
-    finite = finite_strain.solve(problem, tangential_force=ACCURACY, comm=MPI.COMM_SELF)
+    finite = finite_strain.solve(problem, accuracy=ACCURACY, comm=MPI.COMM_SELF)
     for name, result in (("small", solve(linear)), ("finite", finite)):
         left = result.balls[0]
         row[f"{name} strain"] = left.tangential_force[0] / left.normal_force
