@@ -75,7 +75,8 @@ def material_faults(layer: Layer, substrate: Elastic | None) -> list[str]:
             faults.append(f"{name}.young: must be greater than 0 and finite, got {solid.young:g} Pa")
         least = -1.0 if isinstance(solid, SurfaceResponse) else 0.0
         if not least <= solid.poisson <= 0.5 or solid.poisson == -1.0:
-            auxetic = "; below 0, give a SurfaceResponse in Python" if -1.0 < solid.poisson < 0.0 else ""
+            alone = name == "layer" and substrate is None
+            auxetic = "; linear_bem takes less as a SurfaceResponse" if alone and -1.0 < solid.poisson < 0.0 else ""
             faults.append(f"{name}.poisson: must lie between {least:g} and 0.5, got {solid.poisson:g}{auxetic}")
     return faults + _response_faults(layer, substrate) if isinstance(layer, SurfaceResponse) else faults
 

@@ -20,8 +20,8 @@ class HeightFieldContact:
     deformed surface. ``contact_area`` is the area of the cells in contact less their excess at the edges;
     ``contact_area_error`` comes from the edges' unknown position within cells (`linear_bem.grid.outline`).
     ``gap_in_contact`` and ``penetration_outside`` are recomputed residuals over the approach. ``notes`` warn if a layer
-    is indented by more than half of its thickness, where small strain does not hold, and if contact spots are only a
-    few cells wide.
+    is indented by more than half of its thickness, where small strain does not hold, if contact spots are only a few
+    cells wide, and if the slopes of the heights are so large that a unit may be wrong.
     """
 
     pressure: Array = field(repr=False)
@@ -40,7 +40,7 @@ class HeightFieldContact:
         """Return the numbers of the contact, in SI units, and the notes as text."""
         area, error, peak = self.contact_area, self.contact_area_error, float(np.max(self.pressure))
         lines = [
-            f"{grouped(self.pressure.size)} cells, {self.iterations} iterations",
+            f"{grouped(self.pressure.size)} cells, {self.iterations} iteration{'' if self.iterations == 1 else 's'}",
             f"normal force {self.normal_force:.5g} N, approach {self.approach:.5g} m, mean gap {self.mean_gap:.5g} m",
             f"contact area {area:.4g} ± {error:.2g} m^2, largest pressure {peak:.4g} Pa",
         ]
@@ -52,5 +52,7 @@ def coarse_note(found: HeightFieldContact) -> tuple[str, ...]:
     share = found.contact_area_error / found.contact_area
     if share <= COARSE:
         return ()
-    spots = "the contact spots are only a few cells wide: sample the surface more finely if it is smooth between cells"
-    return (f"the contact area is known to {100.0 * share:.0f} % only: {spots}",)
+    return (
+        f"the contact area is known to {100.0 * share:.0f} % only, as contact spots are a few cells wide; sample the "
+        "surface more finely if it is smooth between cells",
+    )

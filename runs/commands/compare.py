@@ -88,7 +88,8 @@ def _show(session: Session, document: Document) -> None:
             "S_Q, S_D: T finite over T linear at the same normal force (the T linear shown) and at the same approach; "
             f"{mark}: both models' own error estimates, added",
         )
-    tables.say(out, *tables.error_lines(balls), *tables.accuracy_lines(finite), *tables.notes(finite, linear), "")
+    known = tables.error_lines([balls[leading]]) if len(balls) > 1 else []  # of a single ball the next line says it
+    tables.say(out, *known, *tables.accuracy_lines(finite), *tables.notes(finite, linear), "")
     tables.say(out, document["answer"], style="bold")
     found = document.get("sensitivity")
     if found is not None:

@@ -14,6 +14,8 @@ from runs.evolution.pair_list import images
 
 SHOWN = 6
 """Moments in a picture."""
+NARROW = 1.5
+"""Width of a view [inch] up to which its title takes two lines."""
 
 
 def some(moments: Sequence[Moment]) -> list[Moment]:
@@ -24,14 +26,17 @@ def some(moments: Sequence[Moment]) -> list[Moment]:
 
 @look()
 def draw_top_views(folder: Path, moments: Sequence[Moment], balls: HardBalls, cycles: Any, stem: str) -> None:
-    """Write STEM.png and .svg: the layer from above at some moments, clusters coloured by their size."""
+    """Write STEM.png and .svg: the layer from above at some moments, clusters coloured by their size.
+
+    Without a cell each view has its own scale: it shows all balls.
+    """
     chosen = some(moments)
     aspects = [height / width for width, height in (np.ptp(_window(m.positions, balls), axis=0) for m in chosen)]
     wide, tall = 2.3 * min(1.0, 1.5 / min(aspects)), 2.3 * min(1.5, max(aspects))  # [inch]
     figure, axes = grid(len(chosen), 0.8 + max(wide, 0.8), 0.9 + max(tall, 0.2))
     for axis, moment in zip(axes, chosen, strict=True):
         draw_layer(axis, moment.positions, balls)
-        axis.set_title(f"{cycles(moment.sigma):.3g} cycles")
+        axis.set_title(f"{cycles(moment.sigma):.3g}{' ' if wide > NARROW else chr(10)}cycles")
     save_figure(figure, folder, stem)
 
 

@@ -86,7 +86,7 @@ def test_a_surface_that_differs_from_cell_to_cell_has_an_area_known_hardly_and_s
         solve_height_field(Layer(1.0, 0.45, np.inf), None, heights, 1.0, normal_force=force, periodic=True)
         for force in (1.0, 1e4)
     )
-    assert f"{100.0 * light.contact_area_error / light.contact_area:.0f} % only: the contact spots" in light.notes[0]
+    assert f"{100.0 * light.contact_area_error / light.contact_area:.0f} % only, as contact spots" in light.notes[0]
     assert light.notes[0] in light.summary()
     assert f"{light.contact_area:.4g} ± {light.contact_area_error:.2g} m^2" in light.summary()
     assert full.notes == ()

@@ -215,6 +215,7 @@ def test_pressure_is_shown_in_the_scenes_unit(data: Any, label: str, tmp_path: P
     figure = Figure()
     figures._draw_pressure(figure, figure.subplots(), top, balls, Scale.of(PAIR, data))
     assert label in figure.axes[1].get_ylabel()
+    assert [text.get_text() for text in figure.axes[0].texts] == ["0", "1"]
 
 
 def test_missing_ratios_leave_gaps_and_not_errors(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch, paths: Any, cell: Any = None) -> Any:
     monkeypatch.setattr(layer_pictures, "save_figure", lambda figure, *_: figures.append(figure))
     moments = [SimpleNamespace(positions=x, sigma=float(k)) for k, x in enumerate(paths)]
     balls = HardBalls(np.full(len(paths[0]), 5e-3), cell)
-    layer_pictures.draw_top_views(Path(), moments, balls, lambda sigma: sigma, "top_views")
+    layer_pictures.draw_top_views(Path(), moments, balls, lambda sigma: 12345.6 * sigma, "top_views")
     return figures[0]
 
 
@@ -38,3 +38,14 @@ def test_a_long_cell_fills_its_figure(monkeypatch: pytest.MonkeyPatch, cell: tup
     figure.draw_without_rendering()
     covered = sum(axis.get_tightbbox().width * axis.get_tightbbox().height for axis in figure.axes)
     assert covered > 0.75 * figure.bbox.width * figure.bbox.height
+
+
+@pytest.mark.parametrize("stretch", [1.0, 4.0, 20.0])
+def test_titles_of_tall_and_of_wide_views_are_whole(monkeypatch: pytest.MonkeyPatch, stretch: float) -> None:
+    for shape in ((1.0, stretch), (stretch, 1.0)):
+        figure = drawn(monkeypatch, [PLACES * np.array(shape)] * 6)
+        figure.draw_without_rendering()
+        for axis in figure.axes:
+            title = next(text for text in (axis.title, axis._left_title) if text.get_text())
+            assert title.get_window_extent().x1 <= figure.bbox.width
+            assert title.get_window_extent().x0 >= 0.0

@@ -78,6 +78,9 @@ def test_a_real_comparison_survives_interruption_and_tends_to_the_linear_model(s
     for name in ("surface.png", "tangential_force.png", "tangential_force.svg", "fields/fields.xdmf"):
         assert (out / name).stat().st_size > 1000, name
     assert len(list((out / "fields").glob("step_*.h5"))) == len(steps)
+    again = mpirun(1, "-m", COARSE, "compare", scene, "--out", out)
+    error = 100.0 * left[-1]["normal_force_error"] / left[-1]["normal_force"]
+    assert f"estimated errors: Q {error:.2g} %" in again.stdout
 
 
 def test_small_strain_elements_meet_the_linear_model_by_name(scene: Path, tmp_path: Path) -> None:

@@ -71,6 +71,7 @@ def test_rows_carry_both_ratios_per_step_and_ball() -> None:
     assert rows[0]["tangential_ratio"] == pytest.approx(-3e-2)
     assert rows[1]["tangential_ratio"] == pytest.approx(-3e-2)
     assert rows[1]["approach_error"] == rows[1]["normal_force_error"] == 0.0  # nothing is recorded
+    assert rows[0]["note"] is None
 
 
 def test_an_unsure_approach_is_in_the_row_and_three_times_in_the_ratio_at_equal_approach() -> None:
@@ -80,7 +81,6 @@ def test_an_unsure_approach_is_in_the_row_and_three_times_in_the_ratio_at_equal_
     assert [row["approach_error"] for row in rows] == [0.015, 0.0]
     assert [row["strengthening_at_approach_error"] for row in rows] == pytest.approx([2.0 * 0.16, 2.0 * 0.01])
     assert rows[0]["strengthening_at_force_error"] == pytest.approx(1.5e-2)
-    assert rows[0]["note"] is None
 
 
 def sentence(finite: dict[str, Any], linear: dict[str, Any]) -> str:
