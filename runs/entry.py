@@ -9,6 +9,10 @@ def main() -> None:
     """Run `runs.cli`; where packages are absent or do not fit together, say which, and how to mend that."""
     try:
         from runs.cli import main as run  # noqa: PLC0415  (may be absent)
+    except AttributeError as error:
+        if "'numpy" not in str(error):  # else scipy looks for what this numpy does not have
+            raise
+        sys.exit(f"thirdbody: error: {_unfit(error)}")
     except ImportError as error:
         if (error.name or "").split(".")[0] in OURS:
             raise
@@ -24,7 +28,7 @@ def _absent(name: str) -> str:
     )
 
 
-def _unfit(error: ImportError) -> str:
+def _unfit(error: Exception) -> str:
     return (
         f"packages of {sys.executable} do not fit together: {error}. A later pip may have brought a numpy, scipy or "
         "h5py that hides the system's; `bash runs/setup.sh` takes them out of the checkout's .venv again (elsewhere: "

@@ -46,8 +46,8 @@ def tagged(mesh: Any, facets: dict[str, float], skip: int = 0) -> tuple[Any, Any
     """Return a mesh with its cells as layer and the facets at each height tagged, all but the first ``skip``."""
     cells = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
     found = {name: locate_entities_boundary(mesh, 2, lambda x, z=z: np.isclose(x[2], z)) for name, z in facets.items()}
-    numbers = np.concatenate([[TAGS[name]] * len(each) for name, each in found.items()]).astype(np.int32)
-    there = np.concatenate(list(found.values())).astype(np.int32)
+    numbers = np.concatenate([[], *([TAGS[name]] * len(each) for name, each in found.items())]).astype(np.int32)
+    there = np.concatenate([[], *found.values()]).astype(np.int32)
     order = np.argsort(there)[skip:]
     return (
         mesh,
@@ -165,7 +165,8 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "a ball outside": (lambda: block(x=tuple(0.3 * x for x in X)), r"ball 1 at \(1, 0\) m needs .* got 0\.02 m"),
     "coarse": (lambda: block(x=X[::4], y=Y[::2]), r"at least 9 corners .* got 4; make the elements there smaller"),
     "a hole": (hollow, r"must be a slab without holes, got 10\.\d+ m\^3 under a top of 8\.84 m\^2"),
-    "prisms": (lambda: block(CellType.prism), "hexahedron or tetrahedron, got prism"),
+    # newer versions of DOLFINx find no facets of prisms
+    "prisms": (lambda: block(CellType.prism, facets=()), "hexahedron or tetrahedron, got prism"),
 }
 
 

@@ -117,7 +117,7 @@ def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
     assert float(rows[-1]["position_x"]) == document["path"][-1]["positions"][2][0]
     for name in ("top_views.png", "top_views.svg", "distances.png", "ensemble.png", "evolution.gif"):
         assert (out / name).stat().st_size > 5_000, name
-    sizes = re.findall(r"font: ([\d.]+)px", (out / "top_views.svg").read_text(encoding="utf-8"))
+    sizes = re.findall(r"font(?:-size)?: ([\d.]+)px", (out / "top_views.svg").read_text(encoding="utf-8"))
     assert min(map(float, sizes)) >= 8.5
     with Image.open(out / "evolution.gif") as animation:
         shown = [(f.info["duration"], np.asarray(f.convert("L"), float)) for f in ImageSequence.Iterator(animation)]

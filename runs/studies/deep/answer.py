@@ -146,7 +146,8 @@ def _figure(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
     titles = "smallest J, thin pair", "smallest surface stretch, thin pair", "$S_Q$"
     for axis, title in zip(axes, titles, strict=True):
         axis.set(xlabel="$D/R$", title=title)
-        axis.legend()
+        if axis.get_legend_handles_labels()[0]:
+            axis.legend()
     return figure
 
 
