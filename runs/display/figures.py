@@ -163,8 +163,6 @@ def _draw_patches(
     figure: Any, axes: Any, patches: Sequence[Patch], largest: float, balls: Sequence[Mapping[str, Any]], scale: Scale
 ) -> None:
     """Draw contacts with their edges, colours up to the ``largest`` pressure [Pa], and all that is around them."""
-    from matplotlib.patheffects import withStroke  # noqa: PLC0415
-
     length, unit = scale.units.length, scale.units.pressure
     for patch in patches:
         x, y = patch.x / length.size, patch.y / length.size
@@ -173,11 +171,11 @@ def _draw_patches(
     mesh = axes.collections[-1]
     figure.colorbar(mesh, ax=axes, label=unit.heading("contact pressure $p$"), shrink=0.9)
     for i, ball in enumerate(balls):
-        place = [c / length.size for c in ball["position"]]
-        axes.plot(*place, "+", color="white", ms=10, mew=1.8)
+        x, y = (c / length.size for c in ball["position"])
+        axes.plot(x, y, "+", color="white", ms=10, mew=1.8)
         if 1 < len(balls) <= NUMBERED:
-            words = axes.annotate(f"{i}", place, (7, 5), textcoords="offset points", color="0.15", fontsize=9)
-            words.set_path_effects([withStroke(linewidth=2.5, foreground="white")])  # readable beside small contacts
+            above = y + math.sqrt(ball["contact_area"] / math.pi) / length.size
+            axes.annotate(f"{i}", (x, above), (0, 3), textcoords="offset points", ha="center", fontsize=9)
     (x0, x1), (y0, y1) = _window(balls, scale)
     axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xlabel=length.heading("$x$"), ylabel=length.heading("$y$"))
     axes.set_title("Contact pressure from above (+: axes of the balls)")
