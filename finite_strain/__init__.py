@@ -82,12 +82,13 @@ def solve(
         PETSc's options of the Newton and linear solvers without a prefix, such as ``{"pc_type": "lu"}``; they override
         the built-in choice and options with the prefix ``thirdbody_`` in ``PETSC_OPTIONS``.
     inspect
-        Function called on all ranks after every step with results on each discretisation, except steps that a resumed
-        run already has. Arguments: the `Step`, and the DOLFINx functions by name: "displacement" [m] and, for mixed
-        regions, "layer_pressure", "substrate_pressure" [Pa], positive in tension. They are defined on the simulated
-        part, in its own frame, and change with the next step: copy what you keep. They are the uncorrected solution on
-        the mesh; the small-strain problem corrects only T and Q (or D, if forces are prescribed, which is why the
-        deepest point of the displacement may lie 1 % of D above or below -D).
+        Function called on all ranks after every step on each discretisation from the second on (the first only serves
+        the error estimate), except steps that a resumed run already has. Arguments: the `Step`, and the DOLFINx
+        functions by name: "displacement" [m] and, for mixed regions, "layer_pressure", "substrate_pressure" [Pa],
+        positive in tension. They are defined on the simulated part, in its own frame, and change with the next step:
+        copy what you keep. They are the uncorrected solution on the mesh; the small-strain problem corrects only T and
+        Q (or D, if forces are prescribed, which is why the deepest point of the displacement may lie 1 % of D above or
+        below -D).
     mesh
         A user's mesh in metres in the scene's frame, of hexahedra or tetrahedra: a .msh file, or DOLFINx's mesh, cell
         tags and facet tags. Tags are those of `TAGS`, in a file also by name: "layer", "substrate" if there is one, and

@@ -13,6 +13,7 @@ from xml.etree import ElementTree as Xml
 import h5py
 import numpy as np
 from mpi4py import MPI
+from scipy.spatial import cKDTree
 
 from finite_strain.mpi import on_root
 from linear_bem.errors import OutputUnusable
@@ -27,7 +28,7 @@ ROOM = 1_000_000
 def write_gathered(
     comm: MPI.Comm, path: Path, arrays: Mapping[str, np.ndarray], describe: Callable[[h5py.File], None]
 ) -> None:
-    """Write each array's rows in the order of the ranks (collective); ``describe`` adds the rest on rank 0.
+    """Write each array's rows, numbered as in the folder's first step (collective); ``describe`` adds the rest.
 
     The file is written atomically. Raises `OutputUnusable` on every rank if it could not be written.
     """
@@ -35,6 +36,10 @@ def write_gathered(
 
     def write() -> None:
         whole = {name: np.concatenate(rows) for name, rows in parts.items() if rows is not None}
+        first = min(path.parent.glob("step_*.h5"), default=path)
+        if first < path:
+            with _opened(first) as file:
+                whole = _renumbered(whole, file["points"][:], file["cells"][:])
         _check_room(path, sum(array.nbytes for array in whole.values()) + ROOM)
         draft = path.with_name(f"{path.name}.part")
         try:
@@ -47,6 +52,24 @@ def write_gathered(
             raise OutputUnusable(f"{path} cannot be written: {error}") from error
 
     on_root(comm, write)
+
+
+def _renumbered(whole: Mapping[str, np.ndarray], points: np.ndarray, cells: np.ndarray) -> dict[str, np.ndarray]:
+    """Return arrays in the numbering of an earlier step's points and cells, which other ranks may have written.
+
+    Programs that read points and cells once would otherwise put the fields of a resumed run in wrong places.
+    """
+    if np.array_equal(points, whole["points"]) and np.array_equal(cells, whole["cells"]):
+        return dict(whole)
+    at = cKDTree(whole["points"]).query(points)[1]  # of each earlier point
+    number = np.empty_like(at)
+    number[at] = np.arange(len(at))
+    mine, theirs = (np.lexsort(np.sort(rows, axis=1).T) for rows in (number[whole["cells"]], cells))
+    row = np.empty_like(mine)  # of each earlier cell
+    row[theirs] = mine
+    kinds = {"node_fields": at, "cell_fields": row}
+    fields = {name: array[kinds[name.split("/")[0]]] for name, array in whole.items() if "/" in name}
+    return {"points": points, "cells": cells, **fields}
 
 
 def _check_room(path: Path, needed: int) -> None:
@@ -73,14 +96,7 @@ def write_step_and_index(folder: Path, number: int) -> None:
 def _grid(folder: Path, number: int, timed: bool) -> Xml.Element:
     """Return the XDMF grid of one step, with the sizes in its HDF5 file; its number is used as time."""
     grid = Xml.Element("Grid", Name=stem(number), GridType="Uniform")
-    path = folder / f"{stem(number)}.h5"
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        raise OutputUnusable(
-            f"{path} cannot be read ({error}): remove it; the same command then continues without its fields"
-        ) from error
-    with file:
+    with _opened(folder / f"{stem(number)}.h5") as file:
         cells = file["cells"]
         kind = _CELLS[cells.shape[1]]
         topology = Xml.SubElement(grid, "Topology", TopologyType=kind, NumberOfElements=str(len(cells)))
@@ -94,6 +110,15 @@ def _grid(folder: Path, number: int, timed: bool) -> Xml.Element:
                 attribute = Xml.SubElement(grid, "Attribute", Name=name, AttributeType=kind, Center=center)
                 _item(attribute, data, number)
     return grid
+
+
+def _opened(path: Path) -> h5py.File:
+    try:
+        return h5py.File(path, "r")
+    except OSError as error:
+        raise OutputUnusable(
+            f"{path} cannot be read ({error}): remove it; the same command then continues without its fields"
+        ) from error
 
 
 def _item(parent: Xml.Element, data: h5py.Dataset, number: int) -> None:

@@ -231,7 +231,8 @@ def contact_area_curve(
 ) -> Array:
     """Return contact area [m^2] and its error [m^2] under each of some forces [N], shape (forces, 2).
 
-    ``options`` as for `solve_height_field`: ``periodic``, ``ends_at_edge``.
+    ``options`` as for `solve_height_field`: ``periodic``, ``ends_at_edge``. The notes of `solve_height_field`, for
+    example that a grid is too coarse, are not returned.
     """
     found = (
         solve_height_field(layer, substrate, heights, cell, normal_force=force, **options)

@@ -20,8 +20,8 @@ class HeightFieldContact:
     deformed surface. ``contact_area`` is the area of the cells in contact less their excess at the edges;
     ``contact_area_error`` comes from the edges' unknown position within cells (`linear_bem.grid.outline`).
     ``gap_in_contact`` and ``penetration_outside`` are recomputed residuals over the approach. ``notes`` warn if a layer
-    is indented by more than half of its thickness, where small strain does not hold, if contact spots are only a few
-    cells wide, and if the slopes of the heights are so large that a unit may be wrong.
+    is indented by more than a quarter of its thickness, where small strain does not hold, if contact spots are only a
+    few cells wide, and if the slopes of the heights are so large that a unit may be wrong.
     """
 
     pressure: Array = field(repr=False)

@@ -86,7 +86,7 @@ def _show(session: Session, document: Document) -> None:
             f"{LEGEND}",
             session.scale.legend(),
             "S_Q, S_D: T finite over T linear at the same normal force (the T linear shown) and at the same approach; "
-            f"{mark}: both models' own error estimates, added",
+            f"{mark}: both models' own error estimates, added; at the same force without that due to the error of Q",
         )
     known = tables.error_lines([balls[leading]]) if len(balls) > 1 else []  # of a single ball the next line says it
     tables.say(out, *known, *tables.accuracy_lines(finite), *tables.notes(finite, linear), "")

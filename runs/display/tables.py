@@ -27,6 +27,8 @@ DIGITS = {"Tx": 5, "Ty": 5, "±": 2, "T / Q": 3, "|T| / Q": 3, "peak p": 3}
 COMPARED = DIGITS | {"T / Q": SHORT}
 MANY, SHOWN = 100, 20
 """Number of balls above which a table shows only some of them, and how many it then shows."""
+FIRST = (LARGE_STRAIN, "[")
+"""First words of the notes that belong before the numbers; the latter begin with the table of a scene's key."""
 LARGEST_T = "the largest tangential force"
 """What the accuracy of T refers to, unless T nearly vanishes."""
 ON_PAGES = ("iterations", "cut-backs")
@@ -54,12 +56,12 @@ def say(out: Console, *lines: str, style: str = "") -> None:
 
 def notes(*accounts: Mapping[str, Any]) -> list[str]:
     """Return the notes of some results ("solved"), each once, without `warnings`."""
-    return [f"note: {note}" for note in _notes(*accounts) if not note.startswith(LARGE_STRAIN)]
+    return [f"note: {note}" for note in _notes(*accounts) if not note.startswith(FIRST)]
 
 
 def warnings(*accounts: Mapping[str, Any]) -> list[str]:
-    """Return the notes that small strain does not hold, which belong before the numbers."""
-    return [f"warning: {note}" for note in _notes(*accounts) if note.startswith(LARGE_STRAIN)]
+    """Return the notes that belong before the numbers: small strain does not hold, or a unit is doubtful."""
+    return [f"warning: {note}" for note in _notes(*accounts) if note.startswith(FIRST)]
 
 
 def _notes(*accounts: Mapping[str, Any]) -> list[str]:

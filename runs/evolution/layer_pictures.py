@@ -88,7 +88,7 @@ def draw_structure(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     figure, (clusters, order) = panels(4.6, 4.6, height=3.4)
     clusters.plot(cycle, column("cluster_mean"), color=BLUE, label="balls in the cluster of a ball, mean")
     clusters.plot(cycle, 1.0 + column("coordination"), color=ORANGE, label="1 + contacts of a ball, mean")
-    clusters.set(xlabel="cycles", yscale="log")
+    clusters.set(xlabel="cycles", ylabel="number", yscale="log")
     clusters.yaxis.set_major_formatter(LogFormatter())
     clusters.yaxis.set_minor_formatter(LogFormatter())
     clusters.legend()

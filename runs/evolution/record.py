@@ -20,6 +20,9 @@ from runs.process.json_values import Document
 WORTH_KEEPING, OF_MANY = 0.02, 0.25
 """Displacement since the last kept moment, over the smallest touching distance, after which the next one is kept: for
 few balls, for which every change of a contact is kept too, and for many balls."""
+FURTHER = 1.1
+"""Sliding path over that of the last kept moment from which the next one of few balls is kept although they have hardly
+moved: motion that starts slowly and becomes fast is drawn as it is."""
 APART = 1e-3
 """Gap over touching distance at which a contact counts as open again."""
 NEIGHBOURS = 1.2
@@ -112,7 +115,8 @@ class Record:
             moved = float(np.max(np.abs(moment.positions - before.positions)))
             if balls.many and moved < OF_MANY * balls.smallest:
                 return
-            if moved < WORTH_KEEPING * balls.smallest and np.array_equal(moment.contacts, before.contacts):
+            is_near = moved < WORTH_KEEPING * balls.smallest and moment.sigma < FURTHER * before.sigma
+            if is_near and np.array_equal(moment.contacts, before.contacts):
                 return
         if self.moments and moment.sigma <= self.moments[-1].sigma:
             self.moments.pop()

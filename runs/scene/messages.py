@@ -71,8 +71,8 @@ def of_toml(fault: str, text: str) -> str:
     remedy = "see https://toml.io for the format"
     if fault.startswith(("Cannot overwrite", "Cannot declare")):
         remedy = "a key or a table is given twice: keep one"
-    elif re.search(r"=\s*[-+]?\d+,\d", line):
-        remedy = "write decimals with a point: 0.5"
+    elif number := re.search(r"=\s*([-+]?\d+),(\d+)", line):
+        remedy = f"write decimals with a point: {number[1]}.{number[2]}"
     elif unquoted := UNQUOTED.fullmatch(line):
         remedy = f'write values with units in quotes: {unquoted[1]} = "{unquoted[2]}"'
     return f"is not TOML: {fault}{f', which reads: {line}' if line else ''}; {remedy}"
@@ -98,7 +98,7 @@ def of_problem(text: str, data: Mapping[str, Any]) -> str:
         elif "across the cell's edge" in rule:
             remedy = f"{remedy}, or the cell larger"
     quantity = isinstance(written, str) and NUMBER_AND_UNIT.fullmatch(written) is not None
-    as_given = f" (written {_written(written)})" if quantity and not rule.endswith(f"got {written}") else ""
+    as_given = f" (written {_written(written)})" if quantity and f"got {written}" not in rule else ""
     if key != "steps":  # their unit is that of the load
         remedy = remedy or _example(table, key)
     if key == "approach" and "rigid base" in rule and Units.written(data) is not None:

@@ -5,15 +5,16 @@ from collections.abc import Callable, Sequence
 
 GROWTH = 1.5
 """Exponent of the growth of time with the number of unknowns from one mesh to the next."""
-ENOUGH = 0.05
-"""Share of the planned work after which the pace so far is used."""
+TRUST = 0.1
+"""Share of the planned work after which the pace so far counts as much as the plan's: the first meshes are small, and
+their pace says little about that of large ones."""
 
 
 class Clock:
     """Estimates the remaining time; ``expected``: planned times [s] of the first meshes, empty without a plan."""
 
     def __init__(self, expected: Sequence[float] = (), now: Callable[[], float] = time.monotonic) -> None:
-        self._expected, self._now = list(expected), now
+        self._expected, self._trust, self._now = list(expected), TRUST * sum(expected), now
         self._began = self._worked = now()
         self._share, self._mesh, self._unknowns, self._saved = 0.0, 0, 0.0, 0.0
 
@@ -53,8 +54,7 @@ class Clock:
         if total <= 0.0:
             return None
         done = self._work()
-        new = done - self._saved
-        pace = (self._now() - self._worked) / new if new > ENOUGH * total else 1.0
+        pace = (self._now() - self._worked + self._trust) / (done - self._saved + self._trust)
         return pace * (total - done)
 
     def _work(self) -> float:

@@ -167,6 +167,23 @@ def test_a_finer_tolerance_moves_the_end_by_less_than_the_stated_error(foam: Pro
     assert 0.0 < change < stated < 1e-3 * RADIUS
 
 
+def test_motion_that_starts_slowly_is_kept_as_it_is() -> None:
+    problem = scene([(0.0, 0.0), (0.05, 0.0)])
+    balls, at_rest = HardBalls.of(problem), State(np.zeros((2, 2)), np.ones(2), np.zeros(2))
+    record, none = Record(), np.array([], dtype=np.intp)
+
+    def place(sigma: float) -> float:
+        return float(1e-6 * RADIUS * np.exp(3.0 * sigma))  # grows to 0.3 R
+
+    for sigma in np.linspace(0.0, 4.2, 421):
+        x = np.array([[0.0, 0.0], [0.05 + place(sigma), 0.0]])
+        record.take(Moment(sigma, x, at_rest, none, none, 1.0, 0.01, 0.0, False), balls, last=sigma == 4.2)
+    kept = [moment.sigma for moment in record.moments]
+    between = np.interp(2.9, kept, [moment.positions[1, 0] - 0.05 for moment in record.moments])
+    assert between == pytest.approx(place(2.9), rel=0.2)
+    assert len(kept) < 80
+
+
 def test_edge_balls_pair_first_and_two_groups_merge(foam: Provider) -> None:
     problem = scene(line(4, 0.03))
     balls = HardBalls.of(problem)

@@ -80,18 +80,26 @@ def test_the_time_left_follows_the_plan_first_and_then_the_pace() -> None:
     clock.begin()
     at.now += 20.0  # twice as slow as planned
     clock.reached(0.999999)
-    assert clock.left == pytest.approx(60.0, rel=1e-4)
+    assert clock.left == pytest.approx(30.0 * 24.0 / 14.0, rel=1e-4)  # a tenth of the plan, 4 s, at the plan's pace
     clock.next_mesh(1000.0)
     at.now += 30.0
     clock.reached(0.5)
     assert clock.done == pytest.approx(25.0 / 40.0)
-    assert clock.left == pytest.approx(30.0)
+    assert clock.left == pytest.approx(15.0 * 54.0 / 29.0)
     clock.reached(1.0)
     assert clock.left == pytest.approx(0.0)
     clock.next_mesh(4000.0)  # finer than planned: 4^1.5 times the work
-    assert clock.left == pytest.approx(8.0 * 30.0 * 50.0 / 40.0)
+    assert clock.left == pytest.approx(8.0 * 30.0 * 54.0 / 44.0)
     assert Clock().left is None
     assert Clock().done is None
+
+
+def test_a_first_mesh_that_takes_long_says_little_about_the_large_ones() -> None:
+    at = Time()
+    clock = Clock([1.0, 39.0], at)
+    at.now += 10.0
+    clock.next_mesh(1000.0)
+    assert 39.0 < clock.left < 3.0 * 39.0
 
 
 def test_what_was_saved_before_counts_for_no_pace() -> None:
@@ -101,7 +109,7 @@ def test_what_was_saved_before_counts_for_no_pace() -> None:
     assert clock.left == pytest.approx(15.0)
     at.now += 10.0
     clock.reached(0.75)
-    assert clock.left == pytest.approx(10.0)  # 7.5 s of the plan took 10 s, and 7.5 s are left
+    assert clock.left == pytest.approx(7.5 * 14.0 / 11.5)  # 7.5 s of the plan took 10 s, and 7.5 s are left
 
 
 STARTED = {"mesh": "main", "unknowns": 1000, "ranks": 1, "load_steps": 2, "symmetry_planes": 1, "resumed_steps": 0}
