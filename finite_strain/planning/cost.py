@@ -39,8 +39,14 @@ MIXED_KRYLOV_SECONDS, MIXED_KRYLOV_BYTES = 4.0, 2.0
 """Factors on both in the mixed form: steps of the thin pair at nu = 0.4999 took 51 s on 22 773 unknowns of order 3 and
 123 s on 55 193 of order 4 (``PETSC_OPTIONS="-thirdbody_direct_up_to 0"``). `thirdbody study scaling`: 19 kB per
 unknown of one model, where displacements take 9."""
-SPEEDUP = 1.6
-"""Speed of two ranks over that of one: 1.3 to 2 by ``thirdbody study scaling``, on 51 thousand unknowns."""
+GAIN, HALF_GAIN = 0.9, 11e3
+"""Gain by the second of two ranks on large meshes, and the unknowns of a mesh with half of it. Measured speeds of two
+ranks: 1.12 with 5 thousand unknowns, 1.74 with 17 (mixed form 1.36), 1.96 with 39; 1.3 to 2 with 51 (study scaling)."""
+
+
+def speedup(unknowns: float, ranks: int) -> float:
+    """Return the speed of some ranks on a mesh over that of one."""
+    return float(ranks ** math.log2(1.0 + GAIN * unknowns**2 / (unknowns**2 + HALF_GAIN**2)))
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Any
 from finite_strain.equilibrium.solver_options import choose, given_in
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.mechanics.volumetric import describe_forms
-from finite_strain.planning.cost import SPEEDUP, START_SECONDS, Mesh
+from finite_strain.planning.cost import START_SECONDS, Mesh, speedup
 from finite_strain.planning.records import Discretisation
 from finite_strain.planning.refinement import FIRST, HIGHEST, ORDER, PATH_FINDER, STEP
 from finite_strain.planning.run_plan import LATEST, RunPlan
@@ -89,12 +89,12 @@ def forecast(plan: RunPlan, ranks: int = RANKS) -> dict[str, Any]:
     others = {n: chance for n, (_, chance) in enumerate(rows, start=1) if n != len(taken) and chance >= LEAST}
     seconds = [each.seconds for each in meshes]
     seconds[0] += START_SECONDS
-    speed = ranks ** math.log2(SPEEDUP)
+    wall = [spent / speedup(each.unknowns, ranks) for spent, each in zip(seconds, meshes, strict=True)]
 
     def cost(number: int) -> dict[str, float]:
         spent, last = sum(seconds[:number]), meshes[number - 1]
         return {
-            "seconds": spent / speed, "processor_seconds": spent, "memory_bytes": last.memory_bytes(ranks),
+            "seconds": sum(wall[:number]), "processor_seconds": spent, "memory_bytes": last.memory_bytes(ranks),
             "processor_memory_bytes": last.memory_bytes(1),
         }  # fmt: skip
 
@@ -109,7 +109,7 @@ def forecast(plan: RunPlan, ranks: int = RANKS) -> dict[str, Any]:
         + [f"finer ones, up to {grouped(most)} unknowns, while the error at full load exceeds the requested one"],
         **cost(len(taken)),
         "memory_bytes_at_most": largest.memory_bytes(ranks),
-        "seconds_of_meshes": [value / speed for value in seconds[: len(taken)]],
+        "seconds_of_meshes": wall[: len(taken)],
         **({"perhaps": perhaps} if perhaps else {}),
         "domain": {"x": list(box.x), "y": list(box.y), "layer": box.thickness, "substrate": box.substrate},
         "load_steps": len(plan.goals),

@@ -13,6 +13,7 @@ import finite_strain
 from finite_strain import Numerics
 from finite_strain.geometry.extent import choose_extent
 from finite_strain.geometry.load_control import KINDS, prescribed
+from finite_strain.planning.cost import speedup
 from finite_strain.planning.forecast import LEAST, SCATTER, chances, first_error, forecast, likely
 from finite_strain.planning.refinement import PATH_FINDER, Budget
 from finite_strain.planning.run_plan import plan_run
@@ -320,3 +321,10 @@ def test_the_mesh_of_a_punch_follows_its_edge_at_any_load(approach: float) -> No
         beside = radii[(radii > flat - 2.5 * rounding) & (radii < flat + 2.5 * rounding)]
         assert len(beside) >= 3  # a line on either side of it
         assert -heights[1] < 2.0 * rounding
+
+
+def test_two_ranks_gain_little_on_a_small_mesh_and_nearly_all_on_a_large_one() -> None:
+    measured = {5.6e3: 1.12, 17e3: 1.55, 39e3: 1.96}
+    assert [speedup(unknowns, 2) for unknowns in measured] == pytest.approx(list(measured.values()), rel=0.1)
+    assert speedup(39e3, 1) == 1.0
+    assert speedup(39e3, 4) == pytest.approx(speedup(39e3, 2) ** 2)
