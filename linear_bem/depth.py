@@ -28,7 +28,7 @@ strain, forces that press to 0.87 of the thickness give 1.03 to 1.35 of it here 
 nu = 0 to 0.49)."""
 ABSURD = 100.0
 """Approach of a round ball over its radius from which a load is refused."""
-CHECK_UNITS = "check the load's unit, bare numbers are in metres and newtons"
+CHECK_UNITS = "check the load and its unit (bare numbers are in metres and newtons)"
 
 
 def depth_faults(problem: Problem) -> list[str]:

@@ -156,7 +156,7 @@ def test_a_depth_that_neither_layer_nor_base_can_give_is_noted_first():
     for base in (None, Elastic(1e3, 0.3)):
         deep = solve(Problem(layer, ball, Load("force", (3e3,)), base), 1e-2)
         assert deep.balls[0].approach > 10.0
-        assert "deeper than layer and base can give: check the load's unit" in deep.solved.notes[0]
+        assert "deeper than layer and base can give: check the load and its unit" in deep.solved.notes[0]
     soft = solve(Problem(Layer(1e3, 0.3, 10.0), ball, Load("approach", (15.0,)), Elastic(1.0, 0.3)), 1e-2)
     assert not any("of the layer's thickness" in note for note in soft.solved.notes)  # the base gives way
 
@@ -169,7 +169,7 @@ def test_an_approach_beyond_the_radius_of_its_ball_is_noted_once():
         assert [note for note in notes if "of its ball's radius" in note] == [note for note in notes if noted][:1]
         assert not noted or "the largest approach is 2 of its ball's radius" in notes[0]
     deep = solve(Problem(Layer(1.0, 0.3, 10.0), pair[:1], Load("force", (3e3,))), 1e-2).solved.notes
-    assert [note for note in deep if "check the load's unit" in note] == [deep[0]]
+    assert [note for note in deep if "check the load and its unit" in note] == [deep[0]]
     assert "0.9 ball radii" not in deep[0]
 
 

@@ -39,7 +39,7 @@ TERMS = ("discretisation", "enforcement", "transfer", "solver")
 
 def plan(
     problem: Problem,
-    tangential_force: float = 0.01,
+    accuracy: float = 0.01,
     model: str = "finite_strain",
     *,
     seconds: float | None = None,
@@ -55,7 +55,7 @@ def plan(
         "processor_seconds": 104.0, "processor_memory_bytes": 3e8,
         "domain": {"x": [0.0, 4.0], "y": [0.0, 4.0], "layer": 1.0, "substrate": 0.0},
         "load_steps": len(FRACTIONS if steps is None else steps),
-        "accuracy": {"asked": tangential_force, "unknowns_at_most": unknowns or 120e3, "seconds_at_most": seconds},
+        "accuracy": {"asked": accuracy, "unknowns_at_most": unknowns or 120e3, "seconds_at_most": seconds},
     }  # fmt: skip
 
 
@@ -63,7 +63,7 @@ def solve(
     problem: Problem,
     *,
     model: str = "finite_strain",
-    tangential_force: float = 0.01,
+    accuracy: float = 0.01,
     comm: Any = None,
     folder: Path | None = None,
     observer: Observer | None = None,
@@ -95,14 +95,14 @@ def solve(
         if number == 2:
             _go_wrong(comm, observer, folder.parent)
         _iterate(observer, model, "main", fraction)
-        step = _state(problem, fraction, number, model, tangential_force)
+        step = _state(problem, fraction, number, model, accuracy)
         done.append(step)
         if comm.rank == 0:
             folder.mkdir(parents=True, exist_ok=True)
             checkpoint.write_text(json.dumps([s.to_dict() for s in done]))
         observer.step_done(step, lambda: _surface(problem, done[-1]) if comm.rank == 0 else None)
-    accuracy = _accuracy(done[-1], tangential_force, seconds, unknowns)
-    solved = Solved(True, 20, 1234, 1.0, comm.size, {"numpy": np.__version__}, accuracy=accuracy)
+    reached = _accuracy(done[-1], accuracy, seconds, unknowns)
+    solved = Solved(True, 20, 1234, 1.0, comm.size, {"numpy": np.__version__}, accuracy=reached)
     return Result(model, done[-1].balls, solved, tuple(done))
 
 
