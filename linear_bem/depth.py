@@ -14,7 +14,8 @@ from linear_bem.problem import Problem
 LINEAR_UP_TO = 0.25
 """Approach over the layer's thickness above which a note is given, if only the layer is deformed.
 
-At 0.28 (0.43) finite strain makes T of touching balls 1.28 (1.78) times as large (study `strengthening`, h = 1.16 R).
+At 0.28 (0.43) finite strain makes T of touching balls 1.28 (1.78) times as large for nu = 0.48, h = 1.16 R; for
+nu = 0.4 it has the other sign at 0.43 (study `strengthening`).
 """
 COMPARED_UP_TO = 1.2
 """Approach over a sphere's radius up to which T is compared with finite strain (study `strengthening`, foam)."""
@@ -123,8 +124,8 @@ def large_strain_note(layer: Layer, deepest: float, base: float = 0.0) -> tuple[
         return (f"{said}, {MEANINGLESS}: {CHECK_UNITS}",)
     taken = f", of which the layer takes {share:.2g}" if base > 0.05 * deepest else ""
     return (
-        f"{said}{taken}: strains are of that size, and small strain is a rough model (T of two touching balls is 28 % "
-        "larger at finite strain at 0.28 of the thickness, 78 % at 0.43)",
+        f"{said}{taken}: strains are of that size, and small strain is a rough model (finite strain may change forces "
+        "between balls by tens of per cent, or their sign)",
     )
 
 

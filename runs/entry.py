@@ -10,7 +10,7 @@ def main() -> None:
     try:
         from runs.cli import main as run  # noqa: PLC0415  (may be absent)
     except AttributeError as error:
-        if "'numpy" not in str(error):  # else scipy looks for what this numpy does not have
+        if "module 'numpy" not in str(error):  # else scipy looks for what this numpy does not have
             raise
         sys.exit(f"thirdbody: error: {_unfit(error)}")
     except ImportError as error:

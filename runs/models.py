@@ -163,7 +163,7 @@ def _slower(plan: Mapping[str, Any], factor: float) -> dict[str, Any]:
     def longer(key: str, value: Any) -> Any:
         if key == "perhaps":
             return [_slower(other, factor) for other in value]
-        if key == "seconds_of_meshes":
+        if key.endswith("seconds_of_meshes"):
             return [factor * each for each in value]
         return factor * value if key in ("seconds", "processor_seconds") else value
 

@@ -67,7 +67,7 @@ def _until_even(rows: tuple[tuple[Discretisation, float], ...]) -> tuple[Discret
 def forecast(plan: RunPlan, ranks: int = RANKS) -> dict[str, Any]:
     """Return the plan in words and numbers: SI units; seconds and memory of the likely discretisations.
 
-    Keys with ``processor_`` refer to a single process; ``seconds_of_meshes`` holds the time of each discretisation.
+    Keys with ``processor_`` refer to a single process; ``seconds_of_meshes`` hold the times of each discretisation.
     ``perhaps`` has the cost of other numbers of meshes whose probability is at least `LEAST`.
     """
     problem, most, box = plan.problem, plan.budget.most_unknowns, plan.box(PATH_FINDER)
@@ -109,7 +109,7 @@ def forecast(plan: RunPlan, ranks: int = RANKS) -> dict[str, Any]:
         + [f"finer ones, up to {grouped(most)} unknowns, while the error at full load exceeds the requested one"],
         **cost(len(taken)),
         "memory_bytes_at_most": largest.memory_bytes(ranks),
-        "seconds_of_meshes": wall[: len(taken)],
+        "seconds_of_meshes": wall[: len(taken)], "processor_seconds_of_meshes": seconds[: len(taken)],
         **({"perhaps": perhaps} if perhaps else {}),
         "domain": {"x": list(box.x), "y": list(box.y), "layer": box.thickness, "substrate": box.substrate},
         "load_steps": len(plan.goals),

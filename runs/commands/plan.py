@@ -221,7 +221,7 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
         for key, value in model.items():
             if key == "domain":
                 say(f"  {domain(value, scale.units.length)}")
-            elif key not in ("model", "summary", "seconds_of_meshes"):
+            elif key not in ("model", "summary", "seconds_of_meshes", "processor_seconds_of_meshes"):
                 say(f"  {name(key, model)}: {word(key, value)}")
     evolution = document["evolution"]
     if evolution is not None:

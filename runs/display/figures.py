@@ -163,6 +163,8 @@ def _draw_patches(
     figure: Any, axes: Any, patches: Sequence[Patch], largest: float, balls: Sequence[Mapping[str, Any]], scale: Scale
 ) -> None:
     """Draw contacts with their edges, colours up to the ``largest`` pressure [Pa], and all that is around them."""
+    from matplotlib.patheffects import withStroke  # noqa: PLC0415
+
     length, unit = scale.units.length, scale.units.pressure
     for patch in patches:
         x, y = patch.x / length.size, patch.y / length.size
@@ -175,7 +177,8 @@ def _draw_patches(
         axes.plot(x, y, "+", color="white", ms=10, mew=1.8)
         if 1 < len(balls) <= NUMBERED:
             above = y + math.sqrt(ball["contact_area"] / math.pi) / length.size
-            axes.annotate(f"{i}", (x, above), (0, 3), textcoords="offset points", ha="center", fontsize=9)
+            words = axes.annotate(f"{i}", (x, above), (0, 3), textcoords="offset points", ha="center", fontsize=9)
+            words.set_path_effects([withStroke(linewidth=2.5, foreground="white")])  # inside a long contact, too
     (x0, x1), (y0, y1) = _window(balls, scale)
     axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xlabel=length.heading("$x$"), ylabel=length.heading("$y$"))
     axes.set_title("Contact pressure from above (+: axes of the balls)")

@@ -17,6 +17,7 @@ from linear_bem.depth import LARGE_STRAIN
 from runs.display.numbers import Scale, error_terms, number, short_number, with_error, with_error_in_parentheses
 from runs.display.rows import OVER_E, OVER_R, Row, ball_rows, comparison_rows, path_rows
 from runs.process import ranks
+from runs.scene.units import NO_UNIT, SOFT
 
 WIDE = 116
 """Width in characters of the widest table with its errors written out."""
@@ -27,8 +28,6 @@ DIGITS = {"Tx": 5, "Ty": 5, "±": 2, "T / Q": 3, "|T| / Q": 3, "peak p": 3}
 COMPARED = DIGITS | {"T / Q": SHORT}
 MANY, SHOWN = 100, 20
 """Number of balls above which a table shows only some of them, and how many it then shows."""
-FIRST = (LARGE_STRAIN, "[")
-"""First words of the notes that belong before the numbers; the latter begin with the table of a scene's key."""
 LARGEST_T = "the largest tangential force"
 """What the accuracy of T refers to, unless T nearly vanishes."""
 ON_PAGES = ("iterations", "cut-backs")
@@ -56,12 +55,16 @@ def say(out: Console, *lines: str, style: str = "") -> None:
 
 def notes(*accounts: Mapping[str, Any]) -> list[str]:
     """Return the notes of some results ("solved"), each once, without `warnings`."""
-    return [f"note: {note}" for note in _notes(*accounts) if not note.startswith(FIRST)]
+    return [f"note: {note}" for note in _notes(*accounts) if not _is_first(note)]
 
 
 def warnings(*accounts: Mapping[str, Any]) -> list[str]:
     """Return the notes that belong before the numbers: small strain does not hold, or a unit is doubtful."""
-    return [f"warning: {note}" for note in _notes(*accounts) if note.startswith(FIRST)]
+    return [f"warning: {note}" for note in _notes(*accounts) if _is_first(note)]
+
+
+def _is_first(note: str) -> bool:
+    return note.startswith(LARGE_STRAIN) or NO_UNIT in note or SOFT in note
 
 
 def _notes(*accounts: Mapping[str, Any]) -> list[str]:

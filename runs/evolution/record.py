@@ -115,7 +115,7 @@ class Record:
             moved = float(np.max(np.abs(moment.positions - before.positions)))
             if balls.many and moved < OF_MANY * balls.smallest:
                 return
-            is_near = moved < WORTH_KEEPING * balls.smallest and moment.sigma < FURTHER * before.sigma
+            is_near = moved < WORTH_KEEPING * balls.smallest and moment.sigma <= FURTHER * before.sigma
             if is_near and np.array_equal(moment.contacts, before.contacts):
                 return
         if self.moments and moment.sigma <= self.moments[-1].sigma:

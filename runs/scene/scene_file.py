@@ -19,7 +19,7 @@ from runs.scene.balls import BallsTable, per_ball
 from runs.scene.effects import EFFECTS, Effect
 from runs.scene.effects.reciprocation import ReciprocationTable
 from runs.scene.load_table import LoadTable
-from runs.scene.units import Length, Number, Pressure, Table, Units, Whole, unit_notes
+from runs.scene.units import SOFT, Length, Number, Pressure, Table, Units, Whole, unit_notes
 
 SOFTEST = 100.0
 """Young's modulus [Pa] of a layer below which the user may have forgotten its unit."""
@@ -208,7 +208,7 @@ class Scene:
     def doubts(self) -> tuple[str, ...]:
         """Notes where units may be missing: beside lengths with units, those without, and a very small modulus."""
         young = self.problem.layer.young
-        soft = f"[layer] young: {young:g} Pa is softer than foam and rubber; did you mean kPa or MPa?"
+        soft = f"[layer] young: {young:g} Pa {SOFT}; did you mean kPa or MPa?"
         is_soft = young < SOFTEST and Units.written(self.data) is not None
         return (*((soft,) if is_soft else ()), *unit_notes(self.data))
 

@@ -21,6 +21,8 @@ NUMBER_AND_UNIT = re.compile(
 )
 UNIT = re.compile(r"(?:[^\W\d_]+(?:(?:\^|\*\*)-?\d|[\u00b2\u00b3])?(?:\s*[*/\u00b7]\s*|\s+|$))+")
 """Names with small exponents: pint would evaluate any expression, even 9**9**9."""
+NO_UNIT, SOFT = "as it has no unit", "is softer than foam and rubber"
+"""Words of the notes on numbers whose unit may be wrong."""
 COMMON = ("m", "cm", "mm", "um", "nm", "Pa", "kPa", "MPa", "GPa", "N", "mN", "kN", "deg", "rad")
 """Units that are suggested for a name that differs from them in its capitals alone."""
 DIMENSIONS = {
@@ -185,7 +187,7 @@ def unit_notes(data: Mapping[str, Any]) -> tuple[str, ...]:
             items = _items_of(data.get(table, {}).get(key))
             bare = (v for v in items if isinstance(v, int | float) and v != 0 and math.isfinite(v))
             found += [f"[{table}] {key} = {value:g}" for value in itertools.islice(bare, 1)]
-    return tuple(f"{key} is in metres, as it has no unit; other lengths are in {units.length.name}" for key in found)
+    return tuple(f"{key} is in metres, {NO_UNIT}; other lengths are in {units.length.name}" for key in found)
 
 
 def _items_of(value: Any) -> Iterator[Any]:

@@ -148,7 +148,8 @@ class Session:
         log = self.folder.log if self.folder is not None else lambda text: None
         ranks_here = ranks.rank_and_size()[1]
         seconds = time_on(ranks_here, self.plan) if self.plan else 0.0
-        of_meshes = [seconds / self.plan["seconds"] * each for each in self.plan.get("seconds_of_meshes", ())]
+        both = (self.plan.get(f"{kind}seconds_of_meshes", ()) for kind in ("", "processor_"))
+        of_meshes = [time_on(ranks_here, {"seconds": s, "processor_seconds": p}) for s, p in zip(*both, strict=True)]
         progress = Progress(
             self.scale, goal, root=self.root, take=take, log=log,
             draw=lambda top: surface.keep(self.out, top),  # the picture survives a killed run

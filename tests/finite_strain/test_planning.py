@@ -34,6 +34,7 @@ KEYS = {
     "seconds",
     "processor_seconds",
     "seconds_of_meshes",
+    "processor_seconds_of_meshes",
     "domain",
     "load_steps",
 }

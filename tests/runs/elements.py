@@ -52,6 +52,7 @@ def plan(
         "forms": {"layer": "mixed"}, "linear_solver": "cholesky (mumps): up to 200000 unknowns",
         "symmetries": ["mirror plane x = 0"], "unknowns": 1234, "meshes": ["order 3, fineness 1: about 1234 unknowns"],
         "memory_bytes": 5e8, "memory_bytes_at_most": 6e8, "seconds": 65.0, "seconds_of_meshes": [5.0, 60.0],
+        "processor_seconds_of_meshes": [8.0, 96.0],
         "processor_seconds": 104.0, "processor_memory_bytes": 3e8,
         "domain": {"x": [0.0, 4.0], "y": [0.0, 4.0], "layer": 1.0, "substrate": 0.0},
         "load_steps": len(FRACTIONS if steps is None else steps),

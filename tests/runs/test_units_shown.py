@@ -193,3 +193,11 @@ def test_an_encoding_without_our_characters_gets_question_marks(monkeypatch: pyt
         run_to_end(lambda: print("1.0 \u00b1 0.1") or 0)
     assert not ended.value.code
     assert raw.getvalue() == b"1.0 ? 0.1\n"
+
+
+def test_notes_on_missing_units_come_before_the_numbers_and_others_after() -> None:
+    early = "[layer] thickness = 4 is in metres, as it has no unit; other lengths are in mm"
+    late = "[finite_strain] left out by --model linear_bem"
+    solved = {"notes": [late, early]}
+    assert tables.warnings(solved) == [f"warning: {early}"]
+    assert tables.notes(solved) == [f"note: {late}"]
