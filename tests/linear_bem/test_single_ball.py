@@ -47,6 +47,6 @@ def test_a_sphere_on_a_bonded_layer_meets_the_fredholm_solution(approach):
     layer = Layer(1.0, 0.4999, 1.0)
     result = solve(Problem(layer, (Ball((0.0, 0.0), 1.0, "sphere"),), Load("approach", (approach,))))
     ball = result.balls[0]
-    assert not result.solved.notes
+    assert len(result.solved.notes) == (approach > 0.25)  # that strains are large
     assert ball.normal_force / hertz_force(approach, 1.0, layer.contact_modulus) == pytest.approx(force, rel=2e-4)
     assert np.sqrt(ball.contact_area / np.pi) == pytest.approx(radius, rel=3e-3)
