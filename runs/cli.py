@@ -32,7 +32,7 @@ OutOption = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Output folder; default out/SCENE-COMMAND-MODEL (out/SCENE-compare)."),
 ]
-FreshOption = Annotated[bool, typer.Option("--fresh", help="Delete the files of an earlier run and start anew.")]
+FreshOption = Annotated[bool, typer.Option("--fresh", help="Delete the files of an earlier run and start again.")]
 ModelOption = Annotated[
     ModelName | None,
     typer.Option(

@@ -62,7 +62,7 @@ def _renumbered(whole: Mapping[str, np.ndarray], points: np.ndarray, cells: np.n
     if np.array_equal(points, whole["points"]) and np.array_equal(cells, whole["cells"]):
         return dict(whole)
     at = cKDTree(whole["points"]).query(points)[1]  # of each earlier point
-    if len(np.unique(at)) < len(at):  # nodes that coincide cannot be told apart
+    if len(np.unique(at)) < len(at):  # coinciding nodes cannot be distinguished
         return dict(whole)
     number = np.empty_like(at)
     number[at] = np.arange(len(at))

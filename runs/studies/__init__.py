@@ -35,7 +35,7 @@ ON_ALL_RANKS = SHARED_OUT | {"scaling"}
 
 @dataclass(frozen=True)
 class Options:
-    """Command-line options of a study: ``quick`` is coarser, ``out`` the output folder, ``fresh`` starts anew.
+    """Command-line options of a study: ``quick`` is coarser, ``out`` the output folder, ``fresh`` starts again.
 
     ``shard`` (i, n): part i of n, counted from 1; ``tables``: only make tables and figures from saved answers;
     ``publish``: write them into the study's README.

@@ -17,7 +17,6 @@ import pytest
 from PIL import Image, ImageSequence
 
 from linear_bem import FiniteStrain, Load, Problem, Result, solve
-from linear_bem.errors import UnsupportedProblem
 from linear_bem.result import Solved, Step
 from runs.evolution import evolving, outcome, pair_table, showing
 from runs.evolution.drawing import FRAMES, SECONDS
@@ -338,31 +337,6 @@ def test_a_budget_bounds_every_run_of_a_table_and_names_the_table(
     assert "budget" not in free["pair_table"]["identity"]
     linear = evolved(replace(short, budget={"unknowns": 4e4}), tmp_path / "linear")
     assert "[accuracy] unknowns left out: point_load has no mesh" in linear["solved"]["notes"]
-
-
-@pytest.mark.parametrize(
-    ("command", "change", "says"),
-    [
-        ("solve", ("", ""), "use `thirdbody evolve"),
-        ("compare", ("", ""), "use `thirdbody evolve"),
-        ("evolve", ("[reciprocation]", "[accuracy]\ntangential_force = 0.01\n[nothing]"), "unknown table"),
-        ("evolve", ("amplitude = \"80 mm\"", "amplitude = 0"), "[reciprocation] amplitude: must be greater than 0"),
-        ("evolve", ("ensemble = 3", "ensemble = 3\nforce = \"pairs\""), 'did you mean "forces"'),
-        ("evolve", ("radius = \"10 mm\"", "radius = [0.01, 0.01, 0.008]"), 'use forces = "direct"'),
-    ],
-)  # fmt: skip
-def test_refusals_name_what_is_wrong(command: str, change: tuple[str, str], says: str, tmp_path: Path) -> None:
-    file = tmp_path / "scene.toml"
-    file.write_text(TEXT.replace(*change) if change[0] else TEXT, encoding="utf-8")
-    done = thirdbody(command, file, "--out", tmp_path / "out")
-    assert done.returncode == 2, done.stderr
-    assert says in done.stderr
-    assert "Traceback" not in done.stderr
-
-
-def test_a_scene_that_does_not_slide_cannot_evolve(tmp_path: Path) -> None:
-    with pytest.raises(UnsupportedProblem, match=r"needs \[reciprocation\]"):
-        evolve_scene(read_scene(ROOT / "runs/scenes/separation_16mm.toml"), None, Options(False, tmp_path, False))
 
 
 def test_an_evolution_by_the_linear_model_never_loads_dolfinx(tmp_path: Path) -> None:
