@@ -69,10 +69,12 @@ class Answers:
         if self.forces_given:
             terms, left, rate = at_force, share, follows / np.maximum(LEAST * now.normal_force, 1e-300)
         else:
-            adds = np.hypot if self.plan.is_paired else np.add  # known errors with one cause add linearly
+            both = np.hypot(at_force.transfer, 2.0 * size * now.force_transfer)
+            if not self.plan.is_paired:  # known errors of T / Q^2 and Q, which may have one sign
+                both = (size + at_force.transfer) * (1.0 + now.force_transfer) ** 2 - size
             terms = Terms(
-                np.maximum(np.hypot(squared * apart, 2.0 * size * moved), pulled), 2.0 * MOST * size * share,
-                adds(at_force.transfer, 2.0 * size * now.force_transfer), solver,
+                np.maximum(np.hypot(squared * apart, 2.0 * size * moved), pulled), 2.0 * MOST * size * share, both,
+                solver,
             )  # fmt: skip
             left, rate = MOST * share, np.ones_like(size)
         shares = follows * moved, np.abs(follows) * left, np.abs(follows) * now.force_transfer

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -23,12 +23,12 @@ from finite_strain.accuracy.error_budget import (
 )
 from finite_strain.accuracy.notes import result_notes
 from finite_strain.accuracy.pairs import Paired
-from finite_strain.planning.records import Discretisation, Record, Row, save_records, saved_records
+from finite_strain.planning.records import Discretisation, Record, Row, SolverAccount, save_records, saved_records
 from finite_strain.planning.refinement import coarser
 from finite_strain.planning.run_plan import plan_run
 from linear_bem.result import FAINT
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, UNEQUAL, at_small_strain, pair, relatively
-from tests.finite_strain.test_pairs import state
+from tests.finite_strain.test_pairs import linear, state
 
 ROUNDOFF = 1e-12
 FINER = Discretisation(3, 1.5)
@@ -135,6 +135,19 @@ def test_a_load_with_a_known_error_keeps_its_place_among_the_changes() -> None:
     assert answers._changed(0.5, seen(1.0, 1.0), seen(1.1, 1.0), known)[0] == [0.0]  # type: ignore[arg-type]
     answers._changed(1.0, seen(1.0, 1.0), seen(1.1, 1.0), None)
     assert [len(path) for path in answers.fine.changes.values()] == [2, 2]
+
+
+def test_the_error_of_small_strain_elements_is_all_of_their_known_error() -> None:
+    """T is R Q^2: where R and Q are both too small, their relative errors a and b give more than a + 2 b."""
+    answers = Answers(plan_run(at_small_strain(pair(0.1)), 0.1, "small_strain"), [Record(QUADRATIC), Record(CUBIC)])
+    own, truth = state(0.98, 0.1, (-0.018, 0.0)), linear(1.0, 0.1, (-0.02, 0.0))
+    for record in (answers.coarse, answers.fine):
+        record.rows.append(Row(own))
+    nothing = {field.name: 0.0 for field in fields(SolverAccount)}
+    account = SolverAccount(**nothing | {"fraction": 1.0, "augmented": True})  # type: ignore[arg-type]
+    answer = answers.answer(1, account, truth)
+    known = 0.02 - 0.018 * 0.98**2
+    assert known <= answer.balls[0].tangential_force_error <= known * (1.0 + 1e-6)
 
 
 def test_a_stiffer_or_wider_discretisation_is_compared_with_the_last_one_of_a_lower_resolution() -> None:
