@@ -16,6 +16,8 @@ SHOWN = 6
 """Moments in a picture."""
 NARROW = 1.5
 """Width of a view [inch] up to which its title takes two lines."""
+NUMBERED = 0.07
+"""Smallest radius over the longer side of a view with which a ball carries its number."""
 
 
 def some(moments: Sequence[Moment]) -> list[Moment]:
@@ -51,11 +53,12 @@ def draw_layer(axis: Any, x: Array, balls: HardBalls) -> None:
     shade = np.log(size) / np.log(max(len(x), 2))
     colors = np.where((size > 1)[:, None], colormaps["viridis_r"](0.1 + 0.9 * shade), (0.82, 0.85, 0.88, 1.0))
     radii = balls.radii
-    window = _window(x, balls)
+    window, own = _window(x, balls), np.arange(len(x))
     if balls.cell is not None:
-        own, x = np.tile(np.arange(len(x)), 9), images(x, balls.cell)
+        own, x = np.tile(own, 9), images(x, balls.cell)
         seen = np.all((x > -radii[own][:, None]) & (x < window[1] + radii[own][:, None]), axis=1)
-        x, colors, radii = x[seen], colors[own[seen]], radii[own[seen]]
+        own, x = own[seen], x[seen]
+    colors, radii = colors[own], radii[own]
     width = 2e3 * radii
     axis.add_collection(
         EllipseCollection(
@@ -63,6 +66,9 @@ def draw_layer(axis: Any, x: Array, balls: HardBalls) -> None:
             facecolors=colors, edgecolors="white", linewidths=0.2,
         )
     )  # fmt: skip
+    for k in np.flatnonzero(radii >= NUMBERED * np.ptp(window, axis=0).max()):
+        ink = "white" if colors[k, :3].mean() < 0.5 else "black"
+        axis.text(*(1e3 * x[k]), str(own[k]), ha="center", va="center", fontsize=7, color=ink, clip_on=True)
     axis.set(xlim=1e3 * window[:, 0], ylim=1e3 * window[:, 1], aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
 
 

@@ -49,3 +49,11 @@ def test_titles_of_tall_and_of_wide_views_are_whole(monkeypatch: pytest.MonkeyPa
             title = next(text for text in (axis.title, axis._left_title) if text.get_text())
             assert title.get_window_extent().x1 <= figure.bbox.width
             assert title.get_window_extent().x0 >= 0.0
+
+
+def test_few_balls_carry_their_numbers_and_many_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    (axis,) = drawn(monkeypatch, [PLACES], np.array([30e-3, 40e-3])).axes
+    assert [text.get_text() for text in axis.texts] == ["0", "1", "2", "3"]
+    assert [text.get_position() for text in axis.texts] == [tuple(place) for place in 1e3 * PLACES]
+    (axis,) = drawn(monkeypatch, [10.0 * PLACES]).axes  # small in a wide view
+    assert not axis.texts
