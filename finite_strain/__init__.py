@@ -49,7 +49,9 @@ def solve(
 ) -> Result:
     """Press the balls in step by step and return the state of each after every step (collective over ``comm``).
 
-    Raises `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks together.
+    Raises `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks together. The first
+    run with another law, body or set of ball sizes compiles its finite elements, which may take minutes; the log
+    "finite_strain" says so at level INFO.
 
     Parameters
     ----------
@@ -120,15 +122,14 @@ def solve(
         from finite_strain.own_mesh import OwnMesh  # noqa: PLC0415
 
         own = OwnMesh(mesh, comm)
-    plan = plan_run(
-        problem, accuracy, model, Budget(seconds, unknowns), steps, numerics, None if own is None else own.fit
-    )
     from finite_strain.equilibrium.linear_solver import with_options  # noqa: PLC0415
     from finite_strain.mechanics.own_energy import check_own_energy  # noqa: PLC0415
-    from finite_strain.mpi import working_folder  # noqa: PLC0415
+    from finite_strain.mpi import on_all, working_folder  # noqa: PLC0415
     from finite_strain.refinement_loop import Refinement  # noqa: PLC0415  (imports DOLFINx)
 
-    check_own_energy(problem)
+    fit = None if own is None else own.fit
+    on_all(comm, lambda: check_own_energy(problem))
+    plan = on_all(comm, lambda: plan_run(problem, accuracy, model, Budget(seconds, unknowns), steps, numerics, fit))
     with with_options(solver_options or {}), working_folder(None if folder is None else Path(folder), comm) as where:
         meshed = None if own is None else own.meshed
         return Refinement(plan, where, comm, observer or Silence(), fields, folder is not None, inspect, meshed).run()

@@ -9,6 +9,7 @@ import math
 import os
 import re
 import signal
+import threading
 import time
 import warnings
 from collections.abc import Iterator
@@ -37,8 +38,9 @@ from meshes.layer import gmsh_session
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 _OLD = VERSION < (0, 6)
-_COMPILER_SECONDS = 600
-"""How long the compiler waits for a form that another run compiles."""
+_COMPILER_SECONDS, _NOTED_AFTER = 600, 2.0
+"""How long the compiler waits for a form that another run compiles, and how long it works without a message [s]."""
+_COMPILING = "compiling finite elements for this kind of scene, once: it may take minutes, and later runs find them"
 _FLAGS = [
     "-O2",
     "-g0",
@@ -150,6 +152,11 @@ def _compiler_cache(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
             raise OutputUnusable(failure)
         flags = _FLAGS + (_WIDE_FLAGS if comm.allreduce(_has_wide_registers(), op=MPI.LAND) else [])
         options = {"timeout": _COMPILER_SECONDS, "cache_dir": str(cache), "cffi_extra_compile_args": flags}
+        # forms in the cache take no time
+        slow = threading.Timer(_NOTED_AFTER, logging.getLogger("finite_strain").info, [_COMPILING])
+        if comm.rank == 0:
+            slow.start()
+            stack.callback(slow.cancel)
         yield {"jit_params" if _OLD else "jit_options": options}
 
 

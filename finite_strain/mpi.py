@@ -4,7 +4,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeVar, cast
 
 from mpi4py import MPI
 
@@ -32,14 +32,15 @@ def on_root(comm: MPI.Comm, action: Callable[[], Value]) -> Value:
     return value
 
 
-def on_all(comm: MPI.Comm, action: Callable[[], object]) -> None:
-    """Run ``action`` on every rank; if it fails on some, raise on all: the error there, a notice of it elsewhere.
+def on_all(comm: MPI.Comm, action: Callable[[], Value]) -> Value:
+    """Return ``action()``, run on every rank; if it fails on some, raise on all: the error there, a notice elsewhere.
 
     The notice is a `ThirdBodyError` only if all errors are: callers free collective objects only after such errors.
     """
     failure: Exception | None = None
+    value = None
     try:
-        action()
+        value = action()
     except Exception as error:
         failure = error
     ours = comm.allgather(None if failure is None else isinstance(failure, ThirdBodyError))
@@ -47,6 +48,7 @@ def on_all(comm: MPI.Comm, action: Callable[[], object]) -> None:
     if failed:
         note = ThirdBodyError if all(failed.values()) else RuntimeError
         raise failure or note(f"the user's function failed on rank(s) {', '.join(map(str, failed))}")
+    return cast(Value, value)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.spatial import cKDTree
 
 from linear_bem.arrays import Array, Mask
 from linear_bem.indenter import Paraboloid, Sphere
@@ -23,6 +24,10 @@ UNSURE = 0.25
 """Relative error of `dent`. If the layer takes a smaller share of the approach than this, no note is given."""
 LARGE_STRAIN, MEANINGLESS = "the largest approach is", "deeper than layer and base can give"
 """First words of the note on large strains, and its words on approaches that layer and base cannot give."""
+BETWEEN = "forces between balls"
+"""What finite strain may change, in the note on large strains."""
+OVERLAP = 0.01
+"""Overlap of two pressed balls over the smaller radius from which a note names it."""
 THROUGH = 2.0
 """Approach of a single ball over the thickness of a layer on a rigid base from which a force is refused. At finite
 strain, forces that press to 0.87 of the thickness give 1.03 to 1.35 of it here (neo-Hookean layers of 0.6 and 1 R,
@@ -124,8 +129,8 @@ def large_strain_note(layer: Layer, deepest: float, base: float = 0.0) -> tuple[
         return (f"{said}, {MEANINGLESS}: {CHECK_UNITS}",)
     taken = f", of which the layer takes {share:.2g}" if base > 0.05 * deepest else ""
     return (
-        f"{said}{taken}: strains are of that size, and small strain is a rough model (finite strain may change forces "
-        "between balls by tens of per cent, or their sign)",
+        f"{said}{taken}: strains are of that size, and small strain is a rough model (finite strain may change "
+        f"{BETWEEN} by tens of per cent, or their sign)",
     )
 
 
@@ -136,4 +141,30 @@ def ball_depth_note(share: float) -> tuple[str, ...]:
     return (
         f"{LARGE_STRAIN} {share:.2g} of its ball's radius: small strain is compared with finite strain up to "
         f"{COMPARED_UP_TO:g} of it; {CHECK_UNITS}",
+    )
+
+
+def overlap_note(problem: Problem, approaches: Array) -> tuple[str, ...]:
+    """Return a note where unlike balls, pressed to different depths [m] (balls,), pass through each other.
+
+    `Problem` checks balls that rest on one plane; of equal balls the distance is least there.
+    """
+    whole = [
+        k for k, ball in enumerate(problem.balls)
+        if isinstance(ball.indenter, Sphere | Paraboloid) and not ball.asperity
+    ]  # fmt: skip
+    radii = np.array([problem.balls[k].radius for k in whole])
+    if len(set(radii)) < 2:
+        return ()
+    centres = np.column_stack([problem.positions[whole], radii - approaches[whole]])
+    first, second = cKDTree(centres).query_pairs(2.0 * radii.max(), output_type="ndarray").reshape(-1, 2).T
+    overlaps = radii[first] + radii[second] - np.linalg.norm(centres[first] - centres[second], axis=1)
+    shares = overlaps / np.minimum(radii[first], radii[second])
+    if not np.any(shares > OVERLAP):
+        return ()
+    worst = int(np.argmax(shares))
+    pair = f"balls {whole[first[worst]]} and {whole[second[worst]]}"
+    return (
+        f"{pair} pass through each other by {overlaps[worst]:.2g} m, as one is pressed deeper than the other: they "
+        "would touch; increase their distance",
     )

@@ -8,7 +8,7 @@ from numbers import Integral, Real
 import numpy as np
 
 from linear_bem.arrays import Array
-from linear_bem.depth import depth_faults
+from linear_bem.depth import depth_faults, overlap_note
 from linear_bem.doubts import large_strain_notes, own_profile_notes
 from linear_bem.error_estimate import (
     Errors,
@@ -128,7 +128,8 @@ def solve_contact(
     answer = _refined(problem.in_cell(), kernel, accuracy, report, sample)
     contacts = answer.contacts
     of_error = answer.notes or small_force_note(contacts, answer.error, accuracy)
-    notes = (*own_profile_notes(contacts), *large_strain_notes(contacts), *of_error)
+    overlap = overlap_note(problem, contacts.approaches)
+    notes = (*own_profile_notes(contacts), *large_strain_notes(contacts), *overlap, *of_error)
     require_certified(contacts)
     seconds = time.perf_counter() - begun
     return Solution(problem, contacts, answer.error, answer.errors, seconds, notes, answer.accuracy)

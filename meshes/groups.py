@@ -1,10 +1,12 @@
-"""Physical groups of a user's mesh file: identified by name or number, checked to be disjoint."""
+"""Physical groups of a user's mesh file: identified by name or number, checked to be disjoint and on cells."""
 
 from collections import Counter
+from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
 
 import gmsh
+import numpy as np
 
 from linear_bem.errors import InvalidProblem
 from meshes.box import TAGS
@@ -27,9 +29,22 @@ def number_groups(file: Path) -> None:
             raise InvalidProblem(f"mesh: {file}: {what} {twice} are in two physical groups; put each into one")
         names = [model.getPhysicalName(dimension, tag) for tag in tags]
         found += list(zip([dimension] * len(tags), tags, names, parts, strict=True))
+    _require_cells(file, found)
     if all(TAGS.get(name, tag) == tag for _, tag, name, _ in found):
         return
     model.removePhysicalGroups()
     other = 1 + max(*TAGS.values(), *(tag for _, tag, _, _ in found))
     for number, (dimension, _, name, part) in enumerate(found):
         model.addPhysicalGroup(dimension, part, TAGS.get(name, other + number))
+
+
+def _require_cells(file: Path, groups: Sequence[tuple[int, int, str, list[int]]]) -> None:
+    """Raise `InvalidProblem` for a group of faces beside which no cell is in a group; DOLFINx would crash."""
+    nodes = {(dim, tag): gmsh.model.mesh.getNodesForPhysicalGroup(dim, tag)[0] for dim, tag, *_ in groups}
+    of_cells = np.concatenate([found for (dim, _), found in nodes.items() if dim == 3])
+    for dim, tag, name, _ in groups:
+        if dim == 2 and not np.isin(nodes[dim, tag], of_cells).all():
+            raise InvalidProblem(
+                f"mesh: {file}: faces of the group {name or tag} belong to no volume that is in a group; put every "
+                "volume into one, layer or substrate"
+            )

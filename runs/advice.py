@@ -16,12 +16,10 @@ from linear_bem.problem import Elastic, Load, Problem
 from linear_bem.result import Result
 from runs.comparison.strengthening_fit import FITTED_LAW, fit_error, outside, strengthening_at_force
 from runs.display.numbers import number, percent
-from runs.models import MODELS, Run
+from runs.models import MODELS, USUAL, Run
 
-USUAL = 0.02
-"""Relative accuracy of T with which a change is compared if the scene states none."""
 SHARE = 0.05
-"""Accuracy of the computed changes, as a fraction of that accuracy."""
+"""Accuracy of the computed changes, as a fraction of that of the scene."""
 STIFFNESSES = (1e1, 1e2, 1e3, 1e4)
 """Ratios of substrate modulus to layer modulus that are tried if the scene has a rigid base."""
 PATIENCE = 60.0

@@ -58,6 +58,8 @@ OTHER_NUMPY = ("numpy.dtype size changed", "numpy.core.multiarray failed to impo
 """Words in the error of a module that was built for another numpy."""
 TWO, ONE = "two idle cores (mpirun -n 2)", "one (without mpirun)"
 """Words for the two numbers of cores for which a plan gives times."""
+USUAL = 0.02
+"""Relative accuracy of T that others are compared with if the scene states none: the default of finite elements."""
 COMMAND_SECONDS, LINEAR_SECONDS, COMMAND_BYTES = 1.7, 1.1, 7e7
 """Overhead of a command (imports, figures, files), measured on small scenes: processor time [s] with finite elements,
 with the linear model; memory [bytes]."""

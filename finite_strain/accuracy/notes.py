@@ -2,13 +2,15 @@
 
 import math
 
+import numpy as np
+
 from finite_strain.force.distortion import is_resolved
 from finite_strain.mechanics.own_energy import softening
 from finite_strain.mechanics.volumetric import form_notes
 from finite_strain.planning.records import Answer, Record
 from finite_strain.planning.run_plan import RunPlan
 from linear_bem.counts import grouped
-from linear_bem.depth import dent, large_strain_note
+from linear_bem.depth import dent, large_strain_note, overlap_note
 from linear_bem.result import FAINT, UNRESOLVED
 
 HALF = 0.5
@@ -84,6 +86,7 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
         )
     if not plan.is_paired:
         notes += _small_strain_notes(plan, last)
+    notes += overlap_note(plan.problem, np.array([ball.approach for ball in last.balls]))
     failures = dict.fromkeys(step.linear_failure for step in record.steps if step.linear_failure)
     notes += [f"no correction by the small-strain pair, because linear_bem has no answer: {text}" for text in failures]
     return notes + _overrun(plan, record, seconds)

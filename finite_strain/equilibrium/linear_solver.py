@@ -207,4 +207,6 @@ def blame_options(error: PETSc.Error) -> None:
             said = next((line for line in reversed(lines) if line and "() at " not in line), "")
             cause = cause.__cause__ or cause.__context__
         said = said or str(error).splitlines()[0]
-        raise InvalidProblem(f"PETSC_OPTIONS: PETSc does not know what to do with {given}: {said}") from error
+        raise InvalidProblem(
+            f"PETSC_OPTIONS or solver_options: PETSc does not know what to do with {given}: {said}"
+        ) from error

@@ -64,8 +64,8 @@ class NewtonSolver:
         refused = [name for name in NOT_TAKEN if name in given]
         if refused:
             raise InvalidProblem(
-                f"PETSC_OPTIONS: -{PREFIX}{refused[0]} is not taken: Newton's method ends where the residual is 1e-9 "
-                f"of the normal force, got {given[refused[0]]}; leave it out"
+                f"PETSC_OPTIONS or solver_options: -{PREFIX}{refused[0]} is not taken: Newton's method ends where the "
+                f"residual is 1e-9 of the normal force, got {given[refused[0]]}; leave it out"
             )
         self.choice = choose_for(model)
         self._options = {**_OPTIONS, **self.choice.options}

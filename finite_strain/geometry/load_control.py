@@ -106,7 +106,9 @@ class PrescribedApproach(PrescribedLoad):
     def faults(self, model: str) -> list[str]:
         """Reject approaches that are too large for the layer."""
         thickness, deepest = self.problem.layer.thickness, max(self.values)
-        limit = f"takes approaches below {LARGEST_APPROACH:g} of the layer's thickness ({thickness:g} m)"
+        limit = (
+            f"takes approaches below {LARGEST_APPROACH:g} of the layer's thickness, {LARGEST_APPROACH * thickness:g} m"
+        )
         too_deep = deepest >= LARGEST_APPROACH * thickness
         faults = [f"load.approach: {model} {limit}, got {deepest:g} m"] if too_deep else []
         return faults + (self._overlaps(model) if self.problem.finite_strain is not None else [])

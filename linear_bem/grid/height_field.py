@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from linear_bem.arrays import Array, Mask
-from linear_bem.depth import CHECK_UNITS, dent, large_strain_note
+from linear_bem.depth import BETWEEN, CHECK_UNITS, LARGE_STRAIN, dent, large_strain_note
 from linear_bem.errors import InvalidProblem, NotConverged
 from linear_bem.grid.height_field_contact import HeightFieldContact, coarse_note
 from linear_bem.grid.height_field_input import grid_faults, load_faults, medium_faults, real
@@ -25,6 +25,12 @@ _COARSE = 32
 _COARSE_TOLERANCE = 1e-4
 STEEP = 10.0
 """Root mean square slope of heights above which a note doubts their unit."""
+OF_HEIGHTS = {
+    LARGE_STRAIN: "the surface is pressed down by up to",
+    BETWEEN: "forces",
+    CHECK_UNITS: "check the units of heights, cell and layer",
+}
+"""Words of notes on balls, and of the same notes on a height field."""
 LEAST_GAP = 1e-9
 """Smallest mean gap over the mean height above the lowest one; a smaller gap is complete contact to roundoff."""
 
@@ -124,7 +130,8 @@ def solve_height_field(
         deepest = float(np.max(found.displacement[found.pressure > 0.0]))
         base = dent(substrate, layer.thickness, found.normal_force, found.contact_area)
         notes = large_strain_note(layer, deepest, base)
-    notes = tuple(note.replace(CHECK_UNITS, "check the units of heights, cell and layer") for note in notes)
+    for words, of_heights in OF_HEIGHTS.items():
+        notes = tuple(note.replace(words, of_heights) for note in notes)
     notes = (*_steep_note(heights, cell), *coarse_note(found), *notes)
     return replace(found, approach=found.approach + lowest, notes=notes)
 

@@ -13,13 +13,14 @@ from linear_bem.law import Law
 from linear_bem.problem import FiniteStrain, Periodic, Problem
 from linear_bem.result import Result
 from linear_bem.smooth.contacts import CHECKED
-from runs.advice import PATIENCE, USUAL, Advice, Adviser
+from runs.advice import PATIENCE, Advice, Adviser
 from runs.comparison import sensitivity
+from runs.comparison.linear_states import accuracy_beside
 from runs.display import tables
 from runs.display.numbers import Scale, attraction, bodies, leading_ball, number, toward_others
 from runs.display.plan_words import domain, memory_words, name, word
 from runs.look_ahead import ABOUT, CLOSE, FEW, ROUGH, ahead_of, closest, memory, unknowns_of
-from runs.models import LINEAR_SECONDS, MODELS, Model, as_command, choose, load_path, standing
+from runs.models import LINEAR_SECONDS, MODELS, USUAL, Model, as_command, choose, load_path, standing
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
 from runs.scene import messages
@@ -38,7 +39,8 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool 
     if not ranks.is_root():
         return
     begun, drifts = time.process_time(), scene.reciprocation is not None
-    whole, accuracy = problem, None if model.plan else scene.tangential_force
+    asked_of = scene.tangential_force
+    whole, accuracy = problem, accuracy_beside(asked_of) if model.plan else asked_of
     if drifts:  # full solutions only check the forces of the drift
         accuracy = scene.tangential_force or ROUGH
         if "periodic" in scene.drift:

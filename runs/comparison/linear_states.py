@@ -7,11 +7,18 @@ from typing import Any
 from linear_bem.errors import ThirdBodyError
 from linear_bem.problem import LoadKind, Problem
 from linear_bem.result import BallResult, Result, Solved, Step
-from runs.models import MODELS, Run, without
+from runs.models import MODELS, USUAL, Run, without
 from runs.process.json_values import Document
 
-ACCURACY = 1e-4
-"""Relative accuracy of the linear T, unless the scene requires a higher one: its error must not affect a ratio."""
+SHARE, LEAST, MOST = 0.05, 1e-4, 1e-3
+"""Accuracy of the linear T over that of the scene, and its bounds: its error must not affect a ratio. A higher accuracy
+of the scene counts for the linear T, too."""
+
+
+def accuracy_beside(tangential_force: float | None) -> float:
+    """Return the accuracy of the linear T beside another model's, of which this accuracy is required."""
+    asked = tangential_force or USUAL
+    return min(max(SHARE * asked, LEAST), MOST, asked)
 
 
 class LinearStates:
@@ -19,7 +26,7 @@ class LinearStates:
 
     def __init__(self, problem: Problem, tangential_force: float | None, earlier: Mapping[str, Any]) -> None:
         self.problem = without(problem, ["finite_strain"])
-        self.accuracy = min(ACCURACY, tangential_force or ACCURACY)
+        self.accuracy = accuracy_beside(tangential_force)
         self._solved: dict[tuple[str, tuple[float, ...]], tuple[Step, Solved | None]] = {}
         finite = earlier.get("finite", {}).get("steps", [])
         for key, kind, name in (("linear", "force", "normal_force"), ("linear_at_approach", "approach", "approach")):

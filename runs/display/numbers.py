@@ -158,8 +158,7 @@ def short_number(value: float | None) -> str:
     """Return ``value`` to three significant digits in at most nine characters; a dash for None."""
     if value is None or value == 0.0 or 1e-3 <= abs(value) < 1e4:
         return number(value, 3)
-    mantissa, exponent = f"{value:.2e}".split("e")
-    return f"{mantissa}e{int(exponent)}"
+    return f"{value:.2e}"
 
 
 TERMS = {

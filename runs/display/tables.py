@@ -17,7 +17,7 @@ from linear_bem.depth import LARGE_STRAIN
 from runs.display.numbers import Scale, error_terms, number, short_number, with_error, with_error_in_parentheses
 from runs.display.rows import OVER_E, OVER_R, Row, ball_rows, comparison_rows, path_rows
 from runs.process import ranks
-from runs.scene.units import NO_UNIT, SOFT
+from runs.scene.unit_doubts import NO_UNIT, SOFT
 
 WIDE = 116
 """Width in characters of the widest table with its errors written out."""

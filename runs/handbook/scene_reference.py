@@ -60,8 +60,9 @@ A scene is a TOML file: first the `title`, then tables. Lengths, forces, pressur
 strings with a unit, such as `"10 mm"`, `"57.4 kPa"`, `"2 N/mm^2"` or `"20 deg"`, or plain numbers in m, N, Pa and rad.
 All units of the library pint are known, with prefixes: `"mPa"` is a millipascal, `"MPa"` a megapascal, `"um"` a micron.
 `[layer]`, `[balls]` and `[load]` are required; all other tables are optional. Where a table is given, it needs its keys
-marked *required*. An *effect* without its table is not simulated and costs nothing. All faults are reported together
-before the computation, each with its table, key, rule and value.
+marked *required*. An *effect* without its table is not simulated and costs nothing. Faults are reported
+before the computation, each with its table, key, rule and value: first all faults of single keys, then those of values
+that do not fit each other.
 
 This page is generated from the code that reads scenes.
 """

@@ -9,6 +9,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
+from linear_bem.law import LAWS
 from runs.scene.effects import EFFECTS
 from runs.scene.units import NUMBER_AND_UNIT, Units, in_unit
 
@@ -151,6 +152,8 @@ def _meant(table: str, key: str, tables: type[BaseModel]) -> str:
     here = known.get(table, []) if key else list(tables.model_fields)
     name = key or table
     elsewhere = [t for t, keys in known.items() if name in keys and t != table]
+    if table == "finite_strain" and key in LAWS:
+        return f'; write law = "{key}" and its parameters in [finite_strain]'
     if key in INSTEAD:
         return f"; {INSTEAD[key]}"
     close = difflib.get_close_matches(name, here, n=1)

@@ -19,7 +19,8 @@ from runs.scene.balls import BallsTable, per_ball
 from runs.scene.effects import EFFECTS, Effect
 from runs.scene.effects.reciprocation import ReciprocationTable
 from runs.scene.load_table import LoadTable
-from runs.scene.units import SOFT, Length, Number, Pressure, Table, Units, Whole, unit_notes
+from runs.scene.unit_doubts import SOFT, unit_notes
+from runs.scene.units import Length, Number, Pressure, Table, Units, Whole
 
 SOFTEST = 100.0
 """Young's modulus [Pa] of a layer below which the user may have forgotten its unit."""

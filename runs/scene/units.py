@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,8 +20,6 @@ NUMBER_AND_UNIT = re.compile(
 )
 UNIT = re.compile(r"(?:[^\W\d_]+(?:(?:\^|\*\*)-?\d|[\u00b2\u00b3])?(?:\s*[*/\u00b7]\s*|\s+|$))+")
 """Names with small exponents: pint would evaluate any expression, even 9**9**9."""
-NO_UNIT, SOFT = "as it has no unit", "is softer than foam and rubber"
-"""Words of the notes on numbers whose unit may be wrong."""
 COMMON = ("m", "cm", "mm", "um", "nm", "Pa", "kPa", "MPa", "GPa", "N", "mN", "kN", "deg", "rad")
 """Units that are suggested for a name that differs from them in its capitals alone."""
 DIMENSIONS = {
@@ -162,39 +159,11 @@ DIMENSIONLESS = Units(Unit("R", 1.0), Unit("E R²", 1.0), Unit("E", 1.0))
 """Units of a scene in which R and E are 1 by their numbers."""
 
 
-LENGTHS = {
-    "layer": ("thickness",),
-    "balls": ("positions", "radius", "semi_axes", "tip_radius", "edge_radius"),
-    "load": ("approach",),
-    "reciprocation": ("amplitude", "perturbation"),
-    "periodic": ("lengths",),
-}
-"""Keys of lengths, by table; load steps are lengths only if all balls have the same approach."""
-
-
-def unit_notes(data: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return a note per key with a length without unit, beside lengths in another unit; 0 and infinity need none."""
-    units, found = Units.written(data), list[str]()
-    if units is None or units.length.name == "m":
-        return ()
-    try:
-        alike = len({quantity(value, "m") for value in _items_of([data.get("load", {}).get("approach", [])])}) == 1
-    except PydanticCustomError:
-        alike = False
-    steps = ("steps",) if alike else ()
-    for table, keys in LENGTHS.items():
-        for key in (*keys, *(steps if table == "load" else ())):
-            items = _items_of(data.get(table, {}).get(key))
-            bare = (v for v in items if isinstance(v, int | float) and v != 0 and math.isfinite(v))
-            found += [f"[{table}] {key} = {value:g}" for value in itertools.islice(bare, 1)]
-    return tuple(f"{key} is in metres, {NO_UNIT}; other lengths are in {units.length.name}" for key in found)
-
-
-def _items_of(value: Any) -> Iterator[Any]:
+def items_of(value: Any) -> Iterator[Any]:
     """Yield the values in nested lists."""
     if isinstance(value, list):
         for item in value:
-            yield from _items_of(item)
+            yield from items_of(item)
     else:
         yield value
 

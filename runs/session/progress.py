@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -60,13 +61,17 @@ class Progress:
         self._states = self._states_done = 0.0
         self._small: bool | None = None  # whether the state that is being solved is at small strain
         self._begun = False
+        self._messages = _Messages(self._print_status)
 
     def __enter__(self) -> Progress:
+        if self.root:
+            self._messages.begin()
         if self._bar is not None:
             self._bar.bar.start()
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._messages.end()
         if self._bar is not None:
             self._bar.bar.stop()
 
@@ -178,6 +183,31 @@ class Progress:
         if "iterations" in step.record:
             words.append(f"{step.record['iterations']} iterations")
         return "   ".join(words)
+
+
+class _Messages(logging.Handler):
+    """Prints every message of the finite elements' log, each once."""
+
+    def __init__(self, show: Callable[[str, str], None]) -> None:
+        super().__init__()
+        self._show, self._said, self._log = show, set[str](), logging.getLogger("finite_strain")
+
+    def begin(self) -> None:
+        """Receive messages from now on."""
+        self._log.addHandler(self)
+        self._log.setLevel(logging.INFO)
+        self._log.propagate = False  # UFL prints what reaches the root
+
+    def end(self) -> None:
+        """Receive no more."""
+        self._log.removeHandler(self)
+        self._log.propagate = True
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a message, unless it was printed before."""
+        if (text := record.getMessage()) not in self._said:
+            self._said.add(text)
+            self._show(text, "compiling")
 
 
 def _word(value: Any) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import runpy
 from contextlib import redirect_stdout
 from dataclasses import replace
@@ -71,6 +72,19 @@ def test_an_own_energy_must_have_the_layers_moduli() -> None:
         (lambda F: psi(F) + (ufl.dot(F.T, F)[0, 0] - 1) ** 3, r"must be isotropic, psi\(F R\) = psi\(F\)"),
         (lambda F: ufl.ln(ufl.det(F) - 2), "one finite value for every F near I .*, got"),
         (lambda F: psi(F) + 0.0 * float("nan"), "must be finite near F = I"),
+    ):
+        with pytest.raises(InvalidProblem, match=words):
+            check_own_energy(with_law(wrong))
+
+
+def test_an_own_energy_in_another_unit_or_of_another_material_is_named_as_such() -> None:
+    for factor in (1e6, 1e-3, 1.1):
+        with pytest.raises(InvalidProblem, match=re.escape(f"both are {factor:g} times the layer's: check the units")):
+            check_own_energy(with_law(lambda F, factor=factor: factor * psi(F)))
+    for wrong, words in (
+        (lambda F: psi(F) + LAME / 4 * (ufl.det(F) - 1) ** 2, r"to correct lambda, add -\d"),
+        (lambda F: psi(F) + 0.2 * MU * (ufl.dot(F.T, F)[0, 0] - 1) ** 2, "must be isotropic"),
+        (lambda F: psi(F) + MU * ufl.tr(F.T * F), "no stress at F = I"),
     ):
         with pytest.raises(InvalidProblem, match=words):
             check_own_energy(with_law(wrong))
@@ -158,3 +172,29 @@ def test_a_function_that_fails_on_one_rank_ends_the_run_on_all() -> None:
         "1: InvalidProblem no",
         "1: ZeroDivisionError division by zero",
     ]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("part", ["law", "body"])
+def test_a_law_or_body_that_fails_on_one_rank_ends_the_run_on_all(part: str) -> None:
+    code = (
+        "import dataclasses, finite_strain\n"
+        "from mpi4py import MPI\n"
+        "from linear_bem import FiniteStrain\n"
+        "from tests.finite_strain.test_library import PROBLEM, psi\n"
+        "def law(F):\n"
+        "    return 1 / 0 if MPI.COMM_WORLD.rank else psi(F)\n"
+        "def body(x, y):\n"
+        "    return 1 / 0 if MPI.COMM_WORLD.rank else (x**2 + y**2) / 2\n"
+        "ball = dataclasses.replace(PROBLEM.balls[0], shape=body)\n"
+        "changed = {'law': {'finite_strain': FiniteStrain(law)}, 'body': {'balls': (ball,)}}\n"
+        "try:\n"
+        f"    finite_strain.solve(dataclasses.replace(PROBLEM, **changed[{part!r}]))\n"
+        "except Exception as error:\n"
+        "    said = MPI.COMM_WORLD.gather(str(error))\n"
+        "    print(*(said or ()), sep='\\n', end='')\n"
+    )
+    done = mpirun(2, "-c", code, timeout=120.0)
+    here, there = done.stdout.splitlines()
+    assert here == "the user's function failed on rank(s) 1"
+    assert "division by zero" in there

@@ -217,6 +217,7 @@ def test_a_digest_follows_the_mesh_and_not_its_numbering() -> None:
         ((), "has no physical groups of volumes; add groups with the names layer"),
         ((((3, "layer"), 1),), "has no physical groups of faces; add groups with the names top and bottom"),
         ((((3, "layer"), 1), ((3, "rest"), 1)), r"volumes \[1\] are in two physical groups; put each into one"),
+        ((((3, "layer"), 1), ((2, "top"), 6), ((2, "bottom"), 11)), "faces of the group bottom belong to no volume"),
         (None, "write it by gmsh.write"),
     ],
 )
@@ -227,6 +228,7 @@ def test_what_is_wrong_in_a_mesh_file_is_said_with_its_name(groups: Any, words: 
     else:
         with gmsh_session():
             gmsh.model.occ.addBox(0.0, 0.0, -1.0, 1.0, 1.0, 1.0)
+            gmsh.model.occ.addBox(0.0, 0.0, -2.0, 1.0, 1.0, 0.5)  # in no group
             gmsh.model.occ.synchronize()
             for (dimension, name), entity in groups:
                 gmsh.model.setPhysicalName(dimension, gmsh.model.addPhysicalGroup(dimension, [entity]), name)

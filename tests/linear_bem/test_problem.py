@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -243,3 +244,21 @@ def test_a_large_ball_among_many_small_ones_is_compared_with_each_once(monkeypat
         Layer(1.0, 0.3, 5.0), (Ball((0.0, 0.0), 200.0), *(Ball(p, 0.5) for p in places)), Load("force", (1e-3,) * 401)
     )
     assert len(compared) == 400
+
+
+def test_unlike_balls_that_meet_as_one_is_pressed_deeper_are_noted() -> None:
+    balls = Ball((0.0, 0.0), 5.0), Ball((12.65, 0.0), 8.0)  # resting, they touch at 2 sqrt(40) = 12.649
+
+    def said(*approaches: float, pair: tuple[Ball, ...] = balls) -> list[str]:
+        notes = solve(Problem(Layer(1.0, 0.3, 40.0), pair, Load("approach", approaches)), 1e-2).solved.notes
+        return [note for note in notes if "pass through each other" in note]
+
+    assert not said(1.0, 1.0)
+    assert not said(2.0, 0.1)  # further apart
+    (note,) = said(0.1, 2.0)  # the larger one is deeper: their centres are nearly level
+    away = 13.0 - math.hypot(12.65, (8.0 - 2.0) - (5.0 - 0.1))
+    assert note.startswith(f"balls 0 and 1 pass through each other by {away:.2g} m")
+    equal = Ball((0.0, 0.0), 5.0), Ball((10.0, 0.0), 5.0)
+    assert not said(0.1, 2.0, pair=equal)
+    caps = tuple(replace(ball, asperity=True) for ball in balls)
+    assert not said(0.1, 2.0, pair=caps)

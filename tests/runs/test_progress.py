@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import io
+import logging
 import sys
 import time
 from pathlib import Path
@@ -224,6 +225,16 @@ def test_lines_of_a_solver_are_printed_and_logged_every_few_seconds(
     lines = capsys.readouterr().err.splitlines()
     assert [line.split("   ")[0] for line in lines] == ["sweep 1", "sweep 3"]
     assert logged == lines
+
+
+def test_compiling_is_announced_once_and_only_while_the_run_lasts(capsys: pytest.CaptureFixture[str]) -> None:
+    log = logging.getLogger("finite_strain")
+    progress = Progress(Scale(1.0, 1.0), None, root=True, take=lambda _: None)
+    with progress:
+        log.info("compiling")
+        log.info("compiling")
+    log.info("compiling")
+    assert capsys.readouterr().err == "compiling\n"
 
 
 def test_the_linear_model_hands_its_lines_on() -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from runs.comparison.linear_states import accuracy_beside
 from runs.comparison.strengthening_factors import answer, compare_steps, strengthening
 from runs.display.numbers import Scale, attraction, percent, short_number, with_error, with_error_in_parentheses
 
@@ -152,7 +153,12 @@ def test_a_large_change_is_in_whole_percent() -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(("asked", "taken"), [(None, 1e-3), (0.3, 1e-3), (0.01, 5e-4), (1e-3, 1e-4), (1e-5, 1e-5)])
+def test_the_linear_force_beside_another_is_known_better_but_not_in_vain(asked: float | None, taken: float) -> None:
+    assert accuracy_beside(asked) == pytest.approx(taken)
+
+
 def test_a_short_number_keeps_three_digits() -> None:
     assert [short_number(v) for v in (-8.556e-8, -0.00199, 0.32, -2.02e-4, 123456.0, 0.0, None)] == [
-        "-8.56e-8", "-0.00199", "0.32", "-2.02e-4", "1.23e5", "0", "-",
+        "-8.56e-08", "-0.00199", "0.32", "-2.02e-04", "1.23e+05", "0", "-",
     ]  # fmt: skip

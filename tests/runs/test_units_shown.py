@@ -73,6 +73,15 @@ def test_lengths_without_a_unit_beside_others_with_theirs_are_noted(tmp_path: Pa
     assert caught.value.faults[1:] == (f"a possible cause: [balls] radius = 2.5 {note}",)
 
 
+def test_balls_of_metres_beside_values_with_units_are_noted(tmp_path: Path) -> None:
+    huge = SCENE
+    for written, bare in (('"3 mm"', "3"), ('["2.5 mm", "4 mm"]', "[2.5, 4]"), ('"-4 mm"', "-4"), ('"4 mm"', "4")):
+        huge = huge.replace(written, bare)
+    doubt = "[balls] radius = 4 is in metres, as it has no unit; other values have units: did you mean mm?"
+    assert choose(scene(tmp_path, huge))[2] == (doubt,)
+    assert tables.warnings({"notes": [doubt]}) == [f"warning: {doubt}"]
+
+
 def test_a_scene_in_plain_numbers_is_dimensionless_only_if_radius_and_modulus_are_one() -> None:
     assert Scale.from_numbers([1.0, 1.0], 1.0).dimensionless
     assert Scale.from_numbers([1.0], 2.0).units == Units()
