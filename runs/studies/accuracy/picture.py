@@ -47,7 +47,7 @@ def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
         _mark_reference(axis, known, column)
         axis.set(xscale="log", yscale="log", xlabel="processor time of one core [s]")
         axis.set_title(TITLES[column])
-        axis.margins(x=0.12, y=0.08)
+        axis.margins(x=0.2, y=0.08)
         for wanted in (0.1, 0.01, 0.001):
             axis.axhline(wanted, color=GREY, lw=0.5, ls=":", zorder=0)
     axes[0].set_ylabel("relative error of T")
@@ -114,17 +114,20 @@ def _labels(
 
 
 def move_labels(axis: Any) -> None:
-    """Move every label to the side of its point where it covers least of lines, points and other texts."""
+    """Move every label to where it covers least of lines, points and texts, nearer to its point than to others."""
     labels = [text for text in axis.texts if text.get_position() == SIDES[0]]
     drawn = [_pixels(line) for line in axis.lines if line.get_linestyle() != ":"]
     drawn += [_filled(text) for text in axis.texts if text not in labels]
-    for label in labels:
+    points = axis.transData.transform([text.xy for text in labels])
+    for place, label in enumerate(labels):
 
-        def covered(side: tuple[float, float], label: Any = label) -> int:
+        def covered(side: tuple[float, float], label: Any = label, place: int = place) -> int:
             label.set(position=side, ha="left" if side[0] > 0.0 else "right")
             box = label.get_window_extent()
             outside = sum(not axis.bbox.contains(*corner) for corner in box.corners())
-            return 1000 * outside + int(box.padded(3.0).count_contains(np.concatenate(drawn)))
+            away = np.linalg.norm(np.maximum(np.maximum(box.min - points, points - box.max), 0.0), axis=1)
+            wrong = np.count_nonzero(away < 1.5 * away[place]) - 1
+            return 1000 * (outside + wrong) + int(box.padded(3.0).count_contains(np.concatenate(drawn)))
 
         best = min(SIDES, key=covered)
         covered(best)
