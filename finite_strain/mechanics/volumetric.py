@@ -107,8 +107,8 @@ def form_faults(problem: Problem, model: str) -> list[str]:
     if own and (asked == "mixed" or nu > LARGEST_DISPLACEMENT_POISSON):
         return [
             f"elements.form: {own} takes the displacement form for layer.poisson up to "
-            f"{LARGEST_DISPLACEMENT_POISSON:g}, got {nu:g}{' and mixed' * (asked == 'mixed')}; leave the key out, or "
-            "take a law with a mixed form"
+            f"{LARGEST_DISPLACEMENT_POISSON:g}, got {nu:g}{' and mixed' * (asked == 'mixed')}; "
+            f"{'leave the key out' if asked else 'take a smaller poisson'}, or a law with a mixed form"
         ]
     if asked == "displacement" and nu > LARGEST_DISPLACEMENT_POISSON:
         range_, other = f"up to {LARGEST_DISPLACEMENT_POISSON:g}", "mixed"
