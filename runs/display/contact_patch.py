@@ -2,12 +2,15 @@
 
 Near the edge of a frictionless contact the pressure falls as the square root of the distance, so its square is smooth
 up to there: a polynomial is fitted to the squared pressure well inside the contact, and its zero line is the edge.
+Under a cone the pressure rises steeply towards the tip: there the polynomial is fitted around the middle alone, in which
+values between the nodes are interpolated.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import griddata
 
 from linear_bem.arrays import Array
 
@@ -17,6 +20,8 @@ BETTER = 0.7
 """A higher degree is used if its deviation over the lower one's is below this."""
 WELL_INSIDE = 0.3
 """Least pressure over the peak of the nodes used in the fit; averages farther out include cells without contact."""
+AROUND_TIP = 0.12, 0.6
+"""Pressure over the peak of the nodes used in the fit under a tip."""
 GOOD = 0.12
 """Largest root mean square deviation of the fit, over the peak: 0.04 to 0.1 on coarse meshes that oscillate."""
 BEYOND = 1.4
@@ -46,10 +51,11 @@ class Patch:
         return self.area * float(np.sum(0.5 * (mean[1:] + mean[:-1]) * np.diff(share)) / share[-1])
 
 
-def contact_patch(points: Array, pressure: Array) -> Patch | None:
-    """Return the contact around ``points`` (n, 2) [m] of one ball; None where the fit is not good."""
+def contact_patch(points: Array, pressure: Array, pointed: bool = False) -> Patch | None:
+    """Return the contact around ``points`` (n, 2) [m] of one ball, or of a ``pointed`` body; None if no fit is good."""
     peak = float(pressure.max(initial=0.0))
-    inside = pressure > WELL_INSIDE * peak
+    low, high = AROUND_TIP if pointed else (WELL_INSIDE, 1.0)
+    inside = (pressure > low * peak) & (pressure <= high * peak)
     if peak <= 0.0 or np.count_nonzero(inside) < 2 * len(_terms(DEGREES[-1])):
         return None
     middle = np.average(points[inside], axis=0, weights=pressure[inside])
@@ -57,7 +63,7 @@ def contact_patch(points: Array, pressure: Array) -> Patch | None:
     size = float(np.hypot(*offset.T).max())
     known = pressure[inside] / peak
     degree, factors, deviation = 0, np.zeros(0), np.inf
-    for tried in DEGREES:
+    for tried in DEGREES[: 1 if pointed else None]:
         matrix = _powers(offset[:, 0] / size, offset[:, 1] / size, tried)
         found = np.linalg.lstsq(matrix, known**2, rcond=None)[0]
         error = float(np.sqrt(np.mean((np.sqrt(np.maximum(matrix @ found, 0.0)) - known) ** 2)))
@@ -76,6 +82,9 @@ def contact_patch(points: Array, pressure: Array) -> Patch | None:
     ring = np.sin(np.linspace(0.0, 0.5 * np.pi, RINGS))[:, None] * edge  # close rings where the pressure falls steeply
     x, y = ring * np.cos(angle), ring * np.sin(angle)
     values = peak * np.sqrt(np.maximum(_powers(x, y, degree) @ factors, 0.0))
+    if pointed:
+        nodal = griddata(points - middle, pressure, (size * x, size * y), fill_value=0.0)
+        values = np.where(nodal > high * peak, nodal, np.minimum(values, high * peak))
     values[-1] = 0.0
     return Patch(middle[0] + size * x, middle[1] + size * y, values)
 

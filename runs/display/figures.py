@@ -186,11 +186,14 @@ def _draw_patches(
 
 def _patch(points: Array, pressure: Array, ball: Mapping[str, Any]) -> Patch | None:
     """Return the contact of a ball if its area and force are about those of the result."""
-    patch = contact_patch(points, pressure)
-    if patch is None:
-        return None
-    pairs = (patch.area, ball["contact_area"]), (patch.force, ball["normal_force"])
-    return patch if all(abs(drawn - known) <= SAME * known for drawn, known in pairs) else None
+    for pointed in (False, True):
+        patch = contact_patch(points, pressure, pointed)
+        if patch is None:
+            continue
+        pairs = (patch.area, ball["contact_area"]), (patch.force, ball["normal_force"])
+        if all(abs(drawn - known) <= SAME * known for drawn, known in pairs):
+            return patch
+    return None
 
 
 def _draw_section(

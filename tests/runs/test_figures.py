@@ -107,6 +107,23 @@ def test_a_contact_has_its_own_edge_and_not_that_of_the_elements() -> None:
     assert contact_patch(points[:3], np.ones(3)) is None
 
 
+def test_a_contact_under_a_rounded_tip_has_an_edge_too() -> None:
+    x, y = (c.ravel() for c in np.meshgrid(np.arange(-1.5, 1.5, 0.13), np.arange(-1.5, 1.5, 0.13)))
+
+    def under_tip(radius: np.ndarray) -> np.ndarray:  # a cone's pressure is arcosh(1 / r)
+        return np.arccosh(np.maximum(1.0 / np.sqrt(0.94 * radius**2 + 0.06), 1.0))
+
+    r = np.linspace(0.0, 1.0, 1001)
+    known = {"contact_area": np.pi, "normal_force": float(np.sum(2.0 * np.pi * r * under_tip(r)) * r[1])}
+    assert contact_patch(np.stack([x, y], 1), under_tip(np.hypot(x, y))).area < 0.75 * np.pi  # type: ignore[union-attr]
+    patch = figures._patch(np.stack([x, y], 1), under_tip(np.hypot(x, y)), known)
+    assert patch is not None
+    edge = np.hypot(patch.x[-1], patch.y[-1])
+    assert np.ptp(edge) < 0.05
+    assert np.mean(edge) == pytest.approx(1.0, abs=0.1)
+    assert patch.force == pytest.approx(known["normal_force"], rel=0.1)
+
+
 def test_a_contact_on_a_coarse_mesh_has_a_smooth_edge_too() -> None:
     radius, angle = (c.ravel() for c in np.meshgrid(np.linspace(0.05, 1.5, 30), np.linspace(-np.pi, np.pi, 24)[:-1]))
     points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], 1)
