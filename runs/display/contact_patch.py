@@ -2,8 +2,8 @@
 
 Near the edge of a frictionless contact the pressure falls as the square root of the distance, so its square is smooth
 up to there: a polynomial is fitted to the squared pressure well inside the contact, and its zero line is the edge.
-Under a cone the pressure rises steeply towards the tip: there the polynomial is fitted around the middle alone, in which
-values between the nodes are interpolated.
+Under a cone the pressure rises steeply towards the tip: there the polynomial is fitted around the middle alone, in
+which nodal values are averaged over rings.
 """
 
 from collections.abc import Callable
@@ -83,8 +83,9 @@ def contact_patch(points: Array, pressure: Array, pointed: bool = False) -> Patc
     x, y = ring * np.cos(angle), ring * np.sin(angle)
     values = peak * np.sqrt(np.maximum(_powers(x, y, degree) @ factors, 0.0))
     if pointed:
-        nodal = griddata(points - middle, pressure, (size * x, size * y), fill_value=0.0)
-        values = np.where(nodal > high * peak, nodal, np.minimum(values, high * peak))
+        ring_means = griddata(points - middle, pressure, (size * x, size * y), fill_value=0.0).mean(axis=1)[:, None]
+        near = ring_means > WELL_INSIDE * peak
+        values = np.where(near, np.maximum(np.minimum(values, high * peak), ring_means), values)
     values[-1] = 0.0
     return Patch(middle[0] + size * x, middle[1] + size * y, values)
 

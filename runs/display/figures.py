@@ -1,5 +1,6 @@
 """Figures of a run: T over the load in both models, and the deformed surface under its contact pressure."""
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -144,9 +145,9 @@ def _draw_pressure(
     points, positions = top.points[:, :2], np.array([ball["position"] for ball in balls])
     nearest = np.argmin(np.linalg.norm(points[:, None] - positions, axis=2), axis=1)
     patches: list[Patch | None] = [None] * len(balls)
-    for pressure in surface.smoothed(top):
+    for pointed, pressure in itertools.product((False, True), surface.smoothed(top)):
         for i, ball in enumerate(balls):
-            patches[i] = patches[i] or _patch(points[nearest == i], pressure[nearest == i], ball)
+            patches[i] = patches[i] or _patch(points[nearest == i], pressure[nearest == i], ball, pointed)
         if all(patches):
             break
     raw = np.where(np.isin(nearest, [i for i, patch in enumerate(patches) if patch is None]), pressure, 0.0)
@@ -184,16 +185,13 @@ def _draw_patches(
     axes.set_title("Contact pressure from above (+: axes of the balls)")
 
 
-def _patch(points: Array, pressure: Array, ball: Mapping[str, Any]) -> Patch | None:
-    """Return the contact of a ball if its area and force are about those of the result."""
-    for pointed in (False, True):
-        patch = contact_patch(points, pressure, pointed)
-        if patch is None:
-            continue
-        pairs = (patch.area, ball["contact_area"]), (patch.force, ball["normal_force"])
-        if all(abs(drawn - known) <= SAME * known for drawn, known in pairs):
-            return patch
-    return None
+def _patch(points: Array, pressure: Array, ball: Mapping[str, Any], pointed: bool = False) -> Patch | None:
+    """Return the contact of a ball or of a pointed body if its area and force are about those of the result."""
+    patch = contact_patch(points, pressure, pointed)
+    if patch is None:
+        return None
+    pairs = (patch.area, ball["contact_area"]), (patch.force, ball["normal_force"])
+    return patch if all(abs(drawn - known) <= SAME * known for drawn, known in pairs) else None
 
 
 def _draw_section(

@@ -116,7 +116,7 @@ def test_a_contact_under_a_rounded_tip_has_an_edge_too() -> None:
     r = np.linspace(0.0, 1.0, 1001)
     known = {"contact_area": np.pi, "normal_force": float(np.sum(2.0 * np.pi * r * under_tip(r)) * r[1])}
     assert contact_patch(np.stack([x, y], 1), under_tip(np.hypot(x, y))).area < 0.75 * np.pi  # type: ignore[union-attr]
-    patch = figures._patch(np.stack([x, y], 1), under_tip(np.hypot(x, y)), known)
+    patch = figures._patch(np.stack([x, y], 1), under_tip(np.hypot(x, y)), known, pointed=True)
     assert patch is not None
     edge = np.hypot(patch.x[-1], patch.y[-1])
     assert np.ptp(edge) < 0.05
