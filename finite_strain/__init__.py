@@ -49,9 +49,9 @@ def solve(
 ) -> Result:
     """Press the balls in step by step and return the state of each after every step (collective over ``comm``).
 
-    Raises `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks together. The first
-    run with another law, body or set of ball sizes compiles its finite elements, which may take minutes; the log
-    "finite_strain" says so at level INFO.
+    Raises `InvalidProblem`, `MissingDependency`, `UnsupportedProblem`, `NotConverged`, `OutputUnusable`, on all ranks
+    together. The first run with another law, body or set of ball sizes compiles its finite elements, which may take
+    minutes; the log "finite_strain" says so at level INFO.
 
     Parameters
     ----------

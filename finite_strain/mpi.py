@@ -47,7 +47,7 @@ def on_all(comm: MPI.Comm, action: Callable[[], Value]) -> Value:
     failed = {rank: kind for rank, kind in enumerate(ours) if kind is not None}
     if failed:
         note = ThirdBodyError if all(failed.values()) else RuntimeError
-        raise failure or note(f"the user's function failed on rank(s) {', '.join(map(str, failed))}")
+        raise failure or note(f"the run or a function of the user failed on rank(s) {', '.join(map(str, failed))}")
     return cast(Value, value)
 
 

@@ -11,6 +11,7 @@ from linear_bem.indenter import Paraboloid, Sphere
 from linear_bem.layer.ritz_indentation import estimates
 from linear_bem.media import Elastic, Layer, SurfaceResponse
 from linear_bem.problem import Problem
+from linear_bem.touching import wrapped
 
 LINEAR_UP_TO = 0.25
 """Approach over the layer's thickness above which a note is given, if only the layer is deformed.
@@ -156,9 +157,14 @@ def overlap_note(problem: Problem, approaches: Array) -> tuple[str, ...]:
     radii = np.array([problem.balls[k].radius for k in whole])
     if len(set(radii)) < 2:
         return ()
-    centres = np.column_stack([problem.positions[whole], radii - approaches[whole]])
-    first, second = cKDTree(centres).query_pairs(2.0 * radii.max(), output_type="ndarray").reshape(-1, 2).T
-    overlaps = radii[first] + radii[second] - np.linalg.norm(centres[first] - centres[second], axis=1)
+    cell = problem.cell
+    centres = np.column_stack([wrapped(problem.positions[whole], cell), radii - approaches[whole]])
+    tree = cKDTree(centres, boxsize=None if cell is None else (*cell, 0.0))
+    first, second = tree.query_pairs(2.0 * radii.max(), output_type="ndarray").reshape(-1, 2).T
+    apart = centres[first] - centres[second]
+    if cell is not None:
+        apart[:, :2] -= cell * np.round(apart[:, :2] / cell)  # to the nearest image
+    overlaps = radii[first] + radii[second] - np.linalg.norm(apart, axis=1)
     shares = overlaps / np.minimum(radii[first], radii[second])
     if not np.any(shares > OVERLAP):
         return ()

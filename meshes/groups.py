@@ -42,6 +42,8 @@ def _require_cells(file: Path, groups: Sequence[tuple[int, int, str, list[int]]]
     """Raise `InvalidProblem` for a group of faces beside which no cell is in a group; DOLFINx would crash."""
     nodes = {(dim, tag): gmsh.model.mesh.getNodesForPhysicalGroup(dim, tag)[0] for dim, tag, *_ in groups}
     of_cells = np.concatenate([found for (dim, _), found in nodes.items() if dim == 3])
+    if not len(of_cells):
+        raise InvalidProblem(f"mesh: {file}: its volumes have no cells; mesh them by gmsh.model.mesh.generate(3)")
     for dim, tag, name, _ in groups:
         if dim == 2 and not np.isin(nodes[dim, tag], of_cells).all():
             raise InvalidProblem(

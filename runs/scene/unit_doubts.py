@@ -31,7 +31,8 @@ def unit_notes(data: Mapping[str, Any]) -> tuple[str, ...]:
     if units is None:
         return ()
     if units.length.name == "m":
-        return _huge_note(data)
+        lengths = (data.get(table, {}).get(key) for table, keys in LENGTHS.items() for key in keys)
+        return () if any(isinstance(value, str) for value in items_of(list(lengths))) else _huge_note(data)
     try:
         alike = len({quantity(value, "m") for value in items_of([data.get("load", {}).get("approach", [])])}) == 1
     except PydanticCustomError:

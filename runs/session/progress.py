@@ -191,17 +191,21 @@ class _Messages(logging.Handler):
     def __init__(self, show: Callable[[str, str], None]) -> None:
         super().__init__()
         self._show, self._said, self._log = show, set[str](), logging.getLogger("finite_strain")
+        self._before: tuple[int, bool] | None = None
 
     def begin(self) -> None:
         """Receive messages from now on."""
+        self._before = self._log.level, self._log.propagate
         self._log.addHandler(self)
         self._log.setLevel(logging.INFO)
         self._log.propagate = False  # UFL prints what reaches the root
 
     def end(self) -> None:
         """Receive no more."""
-        self._log.removeHandler(self)
-        self._log.propagate = True
+        if self._before is not None:
+            self._log.removeHandler(self)
+            level, self._log.propagate = self._before
+            self._log.setLevel(level)
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print a message, unless it was printed before."""

@@ -167,8 +167,8 @@ def test_a_function_that_fails_on_one_rank_ends_the_run_on_all() -> None:
     done = mpirun(2, "-c", code, timeout=60.0)
     assert sorted(done.stdout.splitlines()) == [
         # a run frees its solvers after a ThirdBodyError, which takes all ranks
-        "0: RuntimeError the user's function failed on rank(s) 1",
-        "0: ThirdBodyError the user's function failed on rank(s) 1",
+        "0: RuntimeError the run or a function of the user failed on rank(s) 1",
+        "0: ThirdBodyError the run or a function of the user failed on rank(s) 1",
         "1: InvalidProblem no",
         "1: ZeroDivisionError division by zero",
     ]
@@ -196,5 +196,5 @@ def test_a_law_or_body_that_fails_on_one_rank_ends_the_run_on_all(part: str) -> 
     )
     done = mpirun(2, "-c", code, timeout=120.0)
     here, there = done.stdout.splitlines()
-    assert here == "the user's function failed on rank(s) 1"
+    assert here == "the run or a function of the user failed on rank(s) 1"
     assert "division by zero" in there

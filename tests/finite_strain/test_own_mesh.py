@@ -218,6 +218,7 @@ def test_a_digest_follows_the_mesh_and_not_its_numbering() -> None:
         ((((3, "layer"), 1),), "has no physical groups of faces; add groups with the names top and bottom"),
         ((((3, "layer"), 1), ((3, "rest"), 1)), r"volumes \[1\] are in two physical groups; put each into one"),
         ((((3, "layer"), 1), ((2, "top"), 6), ((2, "bottom"), 11)), "faces of the group bottom belong to no volume"),
+        ((((3, "layer"), 1), ((2, "top"), 6), ((2, "none"), 6)), r"faces \[6\] are in two physical groups"),
         (None, "write it by gmsh.write"),
     ],
 )

@@ -22,7 +22,7 @@ from linear_bem import (
     solve_contact,
     solve_height_field,
 )
-from linear_bem.depth import LARGE_STRAIN, depth_faults
+from linear_bem.depth import LARGE_STRAIN, depth_faults, overlap_note
 
 LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force", (0.1,))
 
@@ -262,3 +262,7 @@ def test_unlike_balls_that_meet_as_one_is_pressed_deeper_are_noted() -> None:
     assert not said(0.1, 2.0, pair=equal)
     caps = tuple(replace(ball, asperity=True) for ball in balls)
     assert not said(0.1, 2.0, pair=caps)
+    for start in (10.0, 35.0):  # inside the cell, and across its edge
+        placed = tuple(replace(ball, position=((ball.position[0] + start) % 40.0, 10.0)) for ball in balls)
+        cell = Problem(Layer(1.0, 0.3, 40.0), placed, Load("approach", (0.1, 2.0)), periodic=Periodic((40.0, 40.0)))
+        assert overlap_note(cell, np.array([0.1, 2.0]))[0].split(",")[0] == note.split(",")[0]

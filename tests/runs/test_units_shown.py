@@ -80,6 +80,7 @@ def test_balls_of_metres_beside_values_with_units_are_noted(tmp_path: Path) -> N
     doubt = "[balls] radius = 4 is in metres, as it has no unit; other values have units: did you mean mm?"
     assert choose(scene(tmp_path, huge))[2] == (doubt,)
     assert tables.warnings({"notes": [doubt]}) == [f"warning: {doubt}"]
+    assert choose(scene(tmp_path, huge.replace("thickness = 3", 'thickness = "3 m"')))[2] == ()  # metres are meant
 
 
 def test_a_scene_in_plain_numbers_is_dimensionless_only_if_radius_and_modulus_are_one() -> None:
