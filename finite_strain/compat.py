@@ -3,6 +3,7 @@
 Pass arguments by position only where keyword names changed between versions.
 """
 
+import ctypes
 import fcntl
 import logging
 import math
@@ -68,6 +69,16 @@ with suppress(ValueError):  # not in the main thread
 
 # distutils logs the compiler's command lines while a form is compiled for the first time
 logging.getLogger().addFilter(lambda record: record.levelno > logging.INFO)
+
+
+def is_used(option: str) -> bool:
+    """Return whether PETSc has read an option of its database, named without a dash."""
+    options = PETSc.Options()
+    if hasattr(options, "used"):
+        return bool(options.used(option))
+    used = ctypes.c_int()
+    ctypes.CDLL(PETSc.__file__).PetscOptionsUsed(None, option.encode(), ctypes.byref(used))
+    return bool(used.value)
 
 
 def function_space(mesh: Any, degree: int, shape: tuple[int, ...] = (), discontinuous: bool = False) -> Any:

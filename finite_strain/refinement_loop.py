@@ -18,6 +18,7 @@ from finite_strain.accuracy.pairs import LinearTruth
 from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.discrete_model import Meshed
 from finite_strain.discretisation.regions import pressures
+from finite_strain.equilibrium.linear_solver import unused_options
 from finite_strain.equilibrium.load_path import State, StepRecord
 from finite_strain.equilibrium.newton import Effort
 from finite_strain.equilibrium.solver_options import solver_notes
@@ -31,6 +32,7 @@ from finite_strain.observer import Observer
 from finite_strain.one_discretisation import STIFFER, MeshRun, ModelRun
 from finite_strain.output.field_catalogue import FieldChoice
 from finite_strain.output.field_writer import FieldWriter
+from finite_strain.output.step_files import stem
 from finite_strain.output.top_surface import TopSurface
 from finite_strain.planning.records import Answer, ContactState, Record, Row, SolverAccount, save_records, saved_records
 from finite_strain.planning.refinement import PATH_FINDER, account, coarser, decide
@@ -68,6 +70,7 @@ class Refinement:
         self.records, damage = on_root(comm, self._saved)
         self.damage = [note for note in damage if note]
         self.truths: dict[float, LinearTruth | str] = {}
+        self.unused: list[str] = []
         self.earlier_seconds = sum(record.seconds for record in self.records)
 
     def _saved(self) -> tuple[list[Record], list[str]]:
@@ -143,6 +146,7 @@ class Refinement:
         except ThirdBodyError:
             run.close()
             raise
+        self.unused = unused_options()
         run.close()  # after other errors, possibly on one rank only, no collective call is safe
         record.finished = True
         for place, old in enumerate(record.steps):  # again: larger loads now help to judge smaller ones
@@ -307,7 +311,9 @@ class Refinement:
         said = account(plan.accuracy, self.records, answered, plan.budget, why, relative_to(record))
         notes = [*self.damage, *result_notes(plan, record, why, sum(each.seconds for each in self.records))]
         solvers = ", then ".join(dict.fromkeys(step.linear_solver for step in steps))  # may change on restart
-        notes += solver_notes(solvers, sum(step.linear_fallbacks for step in steps))
+        if self.keep and answered == len(self.records) - 1:
+            notes += on_root(self.comm, lambda: self._missing_fields(steps))
+        notes += solver_notes(solvers, sum(step.linear_fallbacks for step in steps), self.unused)
         certificate = ("penetration", "force_balance", "residual")
         solved = Solved(
             converged=True, iterations=sum(step.iterations for step in steps), unknowns=record.unknowns,
@@ -317,3 +323,15 @@ class Refinement:
             accuracy=said, linear_solver=solvers,
         )  # fmt: skip
         return Result(plan.model, steps[-1].balls, solved, tuple(step.to_step() for step in steps))
+
+    def _missing_fields(self, steps: list[Answer]) -> list[str]:
+        """Return a note on fields of saved steps that are not in the folder (rank 0)."""
+        choice = self.fields or FieldChoice()
+        wanted = [f"{stem(each.step)}.h5" for each in steps if choice.wants(each.step, each.fraction)]
+        missing = [name for name in wanted if not (self.folder / name).is_file()]
+        if not missing:
+            return []
+        return [
+            f"{', '.join(missing)} missing in {self.folder}: fields of saved steps are not written again; empty the "
+            "folder to solve again"
+        ]

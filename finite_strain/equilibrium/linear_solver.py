@@ -47,6 +47,11 @@ def given_options() -> dict[str, str]:
     return {key: value for key, value in every.items() if _installed.options.get(key) != value}
 
 
+def unused_options() -> list[str]:
+    """Return the names of the user's options that no solver has read so far."""
+    return [key for key in given_options() if not compat.is_used(f"{PREFIX}{key}")]
+
+
 @contextmanager
 def with_options(options: Mapping[str, str]) -> Iterator[None]:
     """Add options of our prefix to those of the user inside a with block."""

@@ -95,6 +95,7 @@ class NewtonSolver:
         self.tolerance = self._goal = 0.0
         self._targets = np.zeros(0)
         self._norm, self._keeps, self._is_old, self._prepared = 0.0, False, False, False
+        self._is_limited = "snes_max_it" in given
         self.max_iterations = int(given.get("snes_max_it", numerics.newton_iterations))
 
     def close(self) -> None:
@@ -148,7 +149,10 @@ class NewtonSolver:
                 break
         self._set(self._start)
         name = next((key for key, value in vars(PETSc.SNES.ConvergedReason).items() if value == reason), str(reason))
-        raise NotConverged(f"Newton's method stopped with {name} after {iterations} iterations, residual {norm:.3g} N")
+        cause = f" (snes_max_it is {self.max_iterations})" if self._is_limited and "MAX_IT" in name else ""
+        raise NotConverged(
+            f"Newton's method stopped with {name}{cause} after {iterations} iterations, residual {norm:.3g} N"
+        )
 
     def _set(self, x: PETSc.Vec) -> None:
         """Set the model to the state in a vector: its fields and its unknown approaches, if any."""

@@ -147,7 +147,14 @@ def given_in(text: str) -> dict[str, str]:
     return found
 
 
-def solver_notes(method: str, failures: int) -> list[str]:
-    """Return notes on the linear systems, for example on a Krylov method that failed."""
-    note = f"linear systems: {method} did not converge {failures} time(s); factors (MUMPS) took its place"
-    return [note] if failures else []
+def solver_notes(method: str, failures: int, unused: list[str]) -> list[str]:
+    """Return notes on a Krylov method that failed, and on the user's options that no solver has read."""
+    notes = []
+    if failures:
+        notes.append(f"linear systems: {method} did not converge {failures} time(s); factors (MUMPS) took its place")
+    if unused:
+        notes.append(
+            f"PETSC_OPTIONS or solver_options: no solver of this run ({method}) has read {', '.join(unused)}; "
+            "check the spelling"
+        )
+    return notes

@@ -207,8 +207,19 @@ def test_an_option_that_cannot_be_taken_is_named(
 def test_the_users_iteration_limit_ends_a_solve(tmp_path: Path, options: Callable[[str, str], None]) -> None:
     options("snes_max_it", "1")
     rig = rig_of(pair(0.05, poisson=0.3), tmp_path, "one")
-    with pytest.raises(NotConverged, match="DIVERGED_MAX_IT after 1 iterations"):
+    with pytest.raises(NotConverged, match=r"DIVERGED_MAX_IT \(snes_max_it is 1\) after 1 iterations"):
         rig.press()
+
+
+def test_options_that_no_solver_reads_are_named(tmp_path: Path, options: Callable[[str, str], None]) -> None:
+    options("direct_up_to", "1e9")
+    options("ksp_rtoll", "1e-3")
+    options("snes_max_fail", "3")
+    rig = rig_of(pair(0.05, poisson=0.3), tmp_path, "one")
+    rig.press()
+    assert linear_solver.unused_options() == ["ksp_rtoll"]
+    (note,) = solver_notes(rig.solver.choice.method, 0, linear_solver.unused_options())
+    assert note.endswith("no solver of this run (cholesky (mumps)) has read ksp_rtoll; check the spelling")
 
 
 def test_two_mixed_regions_are_split_into_displacement_and_both_pressures(
@@ -243,9 +254,9 @@ def test_a_direct_solver_replaces_a_failing_krylov_method_and_the_record_says_so
     assert rig.normal_forces()[0] == relatively(expected, SOLVER)
     count = rig.solver.effort.linear_fallbacks
     assert count > 1
-    (note,) = solver_notes(rig.solver.choice.method, count)
+    (note,) = solver_notes(rig.solver.choice.method, count, [])
     assert note.startswith(f"linear systems: fgmres + mg did not converge {count} time(s)")
-    assert not solver_notes(rig.solver.choice.method, 0)
+    assert not solver_notes(rig.solver.choice.method, 0, [])
 
 
 def test_a_system_on_which_the_direct_solver_fails_too_is_reported(

@@ -108,6 +108,16 @@ def test_a_finished_run_is_read_from_its_folder(result: Any, folder: Path) -> No
     assert not again.attempts
     assert [step.to_dict() for step in found.steps] == [step.to_dict() for step in result.steps]
     assert found.solved.accuracy == result.solved.accuracy
+    assert not [note for note in found.solved.notes if "missing" in note]
+
+
+def test_fields_of_a_finished_run_that_are_missing_are_named(folder: Path, tmp_path: Path) -> None:
+    for name in (NAME, "step_0002.h5"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    again = Recorder()
+    (note,) = [note for note in solve(tmp_path, again).solved.notes if "missing" in note]
+    assert not again.attempts
+    assert note.startswith(f"step_0001.h5 missing in {tmp_path}: ")
 
 
 def test_a_run_with_a_higher_accuracy_starts_over(result: Any, folder: Path, tmp_path: Path) -> None:
