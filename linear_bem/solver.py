@@ -64,7 +64,8 @@ def solve(problem: Problem, accuracy: float = 1e-4, report: Report = silent) -> 
     accuracy
         Wanted error of T (0 to 1), relative to the largest T in the problem, or to 1e-4 of the force that a half-space
         of the layer's material would transmit if that is more (T may pass through zero). The same relative accuracy is
-        required of forces and approaches, but not below 1e-4 nor above 1e-3.
+        required of the change of forces and approaches between two solutions, but not below 1e-4 nor above 1e-3; the
+        errors given with them may be larger.
     report
         Function that receives a line of text at every step of the solver, and may raise an exception to end it.
 
