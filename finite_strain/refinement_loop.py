@@ -32,7 +32,7 @@ from finite_strain.observer import Observer
 from finite_strain.one_discretisation import STIFFER, MeshRun, ModelRun
 from finite_strain.output.field_catalogue import FieldChoice
 from finite_strain.output.field_writer import FieldWriter
-from finite_strain.output.step_files import stem
+from finite_strain.output.step_files import missing_files
 from finite_strain.output.top_surface import TopSurface
 from finite_strain.planning.records import Answer, ContactState, Record, Row, SolverAccount, save_records, saved_records
 from finite_strain.planning.refinement import PATH_FINDER, account, coarser, decide
@@ -312,7 +312,9 @@ class Refinement:
         notes = [*self.damage, *result_notes(plan, record, why, sum(each.seconds for each in self.records))]
         solvers = ", then ".join(dict.fromkeys(step.linear_solver for step in steps))  # may change on restart
         if self.keep and answered == len(self.records) - 1:
-            notes += on_root(self.comm, lambda: self._missing_fields(steps))
+            choice = self.fields or FieldChoice()
+            wanted = [each.step for each in steps if choice.wants(each.step, each.fraction)]
+            notes += on_root(self.comm, lambda: missing_files(self.folder, wanted))
         notes += solver_notes(solvers, sum(step.linear_fallbacks for step in steps), self.unused)
         certificate = ("penetration", "force_balance", "residual")
         solved = Solved(
@@ -323,15 +325,3 @@ class Refinement:
             accuracy=said, linear_solver=solvers,
         )  # fmt: skip
         return Result(plan.model, steps[-1].balls, solved, tuple(step.to_step() for step in steps))
-
-    def _missing_fields(self, steps: list[Answer]) -> list[str]:
-        """Return a note on fields of saved steps that are not in the folder (rank 0)."""
-        choice = self.fields or FieldChoice()
-        wanted = [f"{stem(each.step)}.h5" for each in steps if choice.wants(each.step, each.fraction)]
-        missing = [name for name in wanted if not (self.folder / name).is_file()]
-        if not missing:
-            return []
-        return [
-            f"{', '.join(missing)} missing in {self.folder}: fields of saved steps are not written again; empty the "
-            "folder to solve again"
-        ]

@@ -7,7 +7,7 @@ import numpy as np
 from linear_bem.arrays import Array
 from linear_bem.dual import has_kinks
 from linear_bem.grid.contacts import GridContacts
-from linear_bem.indenter import Indenter
+from linear_bem.indenter import Cone, Ellipsoid, Indenter, Paraboloid, Punch, Sphere
 from linear_bem.lifted_balls import Contacts, overlapping
 from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.smooth.tangential_forces import half_space_pulls, layer_pulls
@@ -19,14 +19,24 @@ KINK = 20.0
 up to 15 times too small."""
 
 
+ON_GRID, ON_GRID_SHARP, UNCANCELLED, LOCAL = 0.6, 1.2, 0.03, 0.15
+"""Least error of T on a grid over the square of cell over contact radius: as a share of the largest T (under balls,
+paraboloids and ellipsoids, or others), and of the largest T without its cancellation (`felt`); both times the local
+share of approaches, `_local_share`, at least `LOCAL`. Two grids may agree by chance: errors were up to 96 times their
+change, and at most 0.7 times the estimates with this bound (`python -m tests.linear_bem.grid_bars 120 1`, and 2)."""
+
+
 def pulls(contacts: Contacts, softest: float = 0.0, fading: float = math.inf) -> Array:
     """Return `half_space_pulls` [N] on every ball; in a periodic cell, neighbouring images count too."""
     return half_space_pulls(contacts.kernel, *_with_images(contacts), softest, fading)[: contacts.problem.size]
 
 
-def felt(contacts: SmoothContacts) -> Array:
+def felt(contacts: Contacts) -> Array:
     """Return `layer_pulls` [N] on every ball: the change of T per relative change of all pressures."""
-    reach = max(n.zone.reach for n in contacts.smooth.nodes)
+    if isinstance(contacts, SmoothContacts):
+        reach = max(n.zone.reach for n in contacts.smooth.nodes)
+    else:
+        reach = math.sqrt(float(np.max(contacts.contact_areas)) / math.pi)
     return layer_pulls(contacts.kernel, *_with_images(contacts), reach)[: contacts.problem.size]
 
 
@@ -68,6 +78,26 @@ def error_of_one(contacts: SmoothContacts) -> Array:
     """Estimate the error of T [N] on every ball from one solution: its residual, and its T by two formulas."""
     residual = contacts.certificate["gap_in_contact"] * pulls(contacts)
     return np.maximum(np.maximum(3.0 * route_difference(contacts), residual), least_error(contacts))
+
+
+def error_of_one_grid(contacts: GridContacts) -> Array:
+    """Estimate the error of T [N] on every ball from the size of the cells, see `ON_GRID`."""
+    smooth = all(isinstance(ball.indenter, Sphere | Paraboloid | Ellipsoid) for ball in contacts.problem.balls)
+    share_of_t = ON_GRID if smooth else ON_GRID_SHARP
+    size = share_of_t * np.max(np.abs(contacts.mutual_force)) + UNCANCELLED * np.max(felt(contacts))
+    share = max(LOCAL, _local_share(contacts))
+    return np.full(contacts.problem.size, share * contacts.coarseness**2 * float(size))
+
+
+def _local_share(contacts: GridContacts) -> float:
+    """Return the largest approach of a half-space of the layer's material over the approach, by Hertz; at most 1.
+
+    Under a stiff film on a soft base it is small: cells hardly change the base's deformation, the larger part.
+    """
+    touching = contacts.normal_forces > 0.0
+    radius = np.sqrt(contacts.contact_areas[touching] / math.pi)
+    local = 0.75 * math.pi * contacts.kernel.singular * contacts.normal_forces[touching] / radius
+    return float(np.max(np.minimum(1.0, local / np.abs(contacts.approaches[touching]))))
 
 
 def change(before: Contacts, after: Contacts) -> tuple[Array, float]:
@@ -115,7 +145,7 @@ def errors_of_one(contacts: Contacts) -> Errors:
     values = quantities(contacts)
     if isinstance(contacts, GridContacts):
         c = contacts.coarseness
-        peak = max(c, edge_peak(contacts))
+        peak = np.maximum(max(c, edge_peak(contacts)), narrow_peaks(contacts))
         force = 0.5 * c**2 + contacts.edge_shares
         own: dict[str, Array | float] = {"normal_force": force, "approach": force}
         own |= {"peak_pressure": peak, "contact_area": 0.5 * c}
@@ -141,6 +171,27 @@ def edge_peak(contacts: GridContacts) -> float:
     return float(min(0.5 * (contacts.resolution / contacts.kernel.thickness) ** 2, 0.15))
 
 
+def narrow_peaks(contacts: GridContacts) -> Array:
+    """Return the relative errors of peak pressures at rounded tips and edges that are hardly wider than a cell d.
+
+    Under a cone of slope s the pressure rises as (E* s/2) ln(2 a/r) down to the width of its tip, s times the tip's
+    radius. At a punch's edge it rises with the root of the distance, down to the width (3 D e/(2 sqrt(2 a)))^(2/3) of
+    the contact with the rounding of radius e (half-space of the layer's material; Johnson 1985, Contact Mechanics,
+    sections 5.1 and 5.4).
+    """
+    shares, peaks = np.zeros(contacts.problem.size), contacts.peak_pressures
+    for i in np.flatnonzero(peaks > 0.0):
+        body = contacts.problem.balls[i].indenter
+        if isinstance(body, Cone):
+            slope = math.tan(body.slope)
+            lost = 0.25 * slope * math.log1p((contacts.resolution / (slope * body.tip_radius)) ** 2)
+            shares[i] = lost / (math.pi * contacts.kernel.singular * peaks[i])
+        elif isinstance(body, Punch):
+            width = 1.5 * contacts.approaches[i] * body.edge_radius / math.sqrt(2.0 * body.radius)
+            shares[i] = (1.0 + (contacts.resolution / width ** (2.0 / 3.0)) ** 2) ** 0.25 - 1.0
+    return shares
+
+
 def errors_by_change(before: Contacts, after: Contacts, previous: Errors | None = None) -> Errors:
     """Return error estimates from the last refinement; ``previous`` are the estimates of the refinement before.
 
@@ -164,7 +215,8 @@ def _on_one_grid(contacts: GridContacts) -> Errors:
     values = quantities(contacts)
     errors = {k: (0.1 * contacts.coarseness**2 + contacts.edge_shares) * np.abs(v) for k, v in values.items()}
     errors["contact_area"] = contacts.area_errors
-    errors["peak_pressure"] = np.maximum(errors["peak_pressure"], edge_peak(contacts) * values["peak_pressure"])
+    peak = np.maximum(edge_peak(contacts), narrow_peaks(contacts))
+    errors["peak_pressure"] = np.maximum(errors["peak_pressure"], peak * values["peak_pressure"])
     return errors
 
 

@@ -14,9 +14,9 @@ from linear_bem.error_estimate import (
     Errors,
     change,
     error_of_one,
+    error_of_one_grid,
     errors_by_change,
     errors_of_one,
-    least_error,
     missed_pulls,
     pulls,
     quantities,
@@ -48,8 +48,6 @@ GRIDDED = 500
 """Largest number of balls that go to grids if polynomials do not converge."""
 USABLE = 1e-2
 """Largest error of T over its size of polynomials that miss the accuracy but are used where no grid is better."""
-CHANCE = 1e-2
-"""Least error of T over the largest and over the square of cell over contact radius: two grids may agree by chance."""
 DEGREES = (2, 4, 6, 8, 10, 12)
 """Degrees of the polynomials p^2, in the order of trial."""
 
@@ -280,8 +278,10 @@ def _on_grids(
             last = _Refined(contacts, np.full(problem.size, np.inf), errors_of_one(contacts), np.inf, np.inf)
             continue
         error, settled = change(last.contacts, contacts)
-        error = np.maximum(error, CHANCE * contacts.coarseness**2 * float(np.max(np.abs(contacts.mutual_force))))
+        error = np.maximum(error, error_of_one_grid(contacts))
         known = last.errors if np.isfinite(last.reached) else None
+        if known is not None:
+            error = np.maximum(error, 0.25 * last.error)  # cells of half the size
         errors = errors_by_change(last.contacts, contacts, known)
         last = _Refined(contacts, error, errors, float(np.max(error)) / reference_force(contacts), settled)
         if last.excess(wanted) <= 1.0:
@@ -292,7 +292,7 @@ def _on_grids(
         return smooth.estimated(wanted)
     error, notes = last.error, last.notes(f"finest grid that {fits}", wanted)
     if not np.all(np.isfinite(error)):
-        error = np.maximum(route_difference(last.contacts), least_error(last.contacts))
+        error = np.maximum(route_difference(last.contacts), error_of_one_grid(last.contacts))
         reached = float(np.max(error)) / reference_force(last.contacts)
         notes = (
             f"only one grid {fits}: T was requested to {wanted:.0e} of its size; its routes differ by {reached:.0e}",

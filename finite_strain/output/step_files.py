@@ -83,6 +83,18 @@ def _check_room(path: Path, needed: int) -> None:
         )
 
 
+def missing_files(folder: Path, numbers: list[int]) -> list[str]:
+    """Return a note on files of saved steps that are not in the folder."""
+    names = [f"{stem(number)}.h5" for number in numbers]
+    missing = [name for name in names if not (folder / name).is_file()]
+    if not missing:
+        return []
+    return [
+        f"{', '.join(missing)} missing in {folder}: fields of saved steps are not written again; empty the folder to "
+        "solve again"
+    ]
+
+
 def stem(number: int) -> str:
     """Return the name of a step's files without suffix."""
     return f"step_{number:04d}"
