@@ -1,20 +1,19 @@
 """One finite-element run: from coarse to fine, each discretisation solves, evaluates and saves all load steps."""
 
 import hashlib
-import math
 import time
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 from mpi4py import MPI
 
 from finite_strain import FORMAT, Inspect, compat
 from finite_strain.accuracy.answer import Answers
 from finite_strain.accuracy.notes import relative_to, result_notes
 from finite_strain.accuracy.pairs import LinearTruth
+from finite_strain.accuracy.reached import judge
 from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.discrete_model import Meshed
 from finite_strain.discretisation.regions import pressures
@@ -22,8 +21,6 @@ from finite_strain.equilibrium.linear_solver import unused_options
 from finite_strain.equilibrium.load_path import State, StepRecord
 from finite_strain.equilibrium.newton import Effort
 from finite_strain.equilibrium.solver_options import solver_notes
-from finite_strain.force.distortion import is_resolved
-from finite_strain.geometry.extent import scale_of_force
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.mechanics.own_energy import softening
 from finite_strain.mechanics.volumetric import describe_forms
@@ -151,7 +148,7 @@ class Refinement:
         record.finished = True
         for place, old in enumerate(record.steps):  # again: larger loads now help to judge smaller ones
             record.steps[place] = self._answer(number, old.step, old.account)
-        self._judge(record)
+        judge(self.plan, record)
         self._save()
 
     def _along(self, run: MeshRun, record: Record, number: int, began: float) -> None:
@@ -279,28 +276,6 @@ class Refinement:
                 continue
             met = [row.own.fraction for row in record.rows if model == "own" or row.small is not None][-2:]
             each.path.resume(self._saved_states(each, number, model, met))
-
-    def _judge(self, record: Record) -> None:
-        """Record the accuracy at the last step: the largest error of a ball's T over the scale, and its terms."""
-        if not record.steps:
-            return
-        last = record.steps[-1]
-        if self.plan.is_paired:
-            film = 1.0 - max(ball.approach for ball in last.balls) / self.plan.problem.layer.thickness
-            record.resolved = is_resolved(last.smallest_volume_ratio, film)
-        forces = np.array([ball.normal_force for ball in last.balls])
-        pulls = [math.hypot(*ball.tangential_force) for ball in last.balls]
-        largest = max(pulls) if len(pulls) > 1 else 0.0  # the T of a single ball is an error, no scale
-        record.scale = max(largest, scale_of_force(self.plan.problem, forces))
-        known = [(ball.tangential_force_error, record.scale) for ball in last.balls]
-        if record.scale == 0.0:  # without mutual forces the force or approach that was not given counts
-            known = [(error, getattr(ball, name)) for ball in last.balls for name, error in ball.errors.items()]
-        shares = [error / size if size > 0.0 else 0.0 for error, size in known]
-        worst = int(np.argmax(shares))
-        record.reached, size = shares[worst], known[worst][1]
-        record.terms = {name: values[worst] / size for name, values in last.error_terms.items() if size > 0.0}
-        if last.fraction < self.plan.goals[-1]:
-            record.reached = math.inf
 
     def _save(self) -> None:
         on_root(self.comm, lambda: save_records(self.folder, self.key, self.records))

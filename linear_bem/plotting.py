@@ -21,11 +21,8 @@ def plan_of_balls(balls: Sequence[Any], pressure: Callable[[Array, Array], Array
 
     ``balls`` are `BallResult`s. A ``pressure`` [Pa] as a function of surface points [m] is drawn as a map.
     """
-    try:
-        from matplotlib.figure import Figure  # noqa: PLC0415
-        from matplotlib.patches import Circle  # noqa: PLC0415
-    except ModuleNotFoundError as error:
-        raise MissingDependency(f"plot: needs matplotlib ({error}); install it: pip install matplotlib") from error
+    new_figure = _figures()
+    from matplotlib.patches import Circle  # noqa: PLC0415
 
     x, y = (np.array([ball.position[k] for ball in balls]) for k in (0, 1))
     radii = np.sqrt(np.array([ball.contact_area for ball in balls]) / np.pi)
@@ -34,7 +31,7 @@ def plan_of_balls(balls: Sequence[Any], pressure: Callable[[Array, Array], Array
     margin = 2.5 * float(np.max(radii))
     left, right, low, high = np.min(x) - margin, np.max(x) + margin, np.min(y) - margin, np.max(y) + margin
     shape = float(np.clip(5.4 * (high - low) / (right - left), 1.8, 8.0))
-    figure = Figure(figsize=(6.4, shape + 1.1), layout="constrained")  # room for title and labels
+    figure = new_figure(figsize=(6.4, shape + 1.1), layout="constrained")  # room for title and labels
     axes = figure.subplots()
     if pressure is not None:
         u, v = np.meshgrid(np.linspace(left, right, CELLS), np.linspace(low, high, CELLS))
@@ -56,9 +53,32 @@ def plan_of_balls(balls: Sequence[Any], pressure: Callable[[Array, Array], Array
             color="tab:red", width=0.006, zorder=3,
         )  # fmt: skip
         axes.set_title(f"tangential forces, the longest arrow {largest:.3g} N", fontsize="medium")
-    extent = max(right - left, high - low)
+    _label(axes, max(right - left, high - low))
+    axes.set(xlim=(left, right), ylim=(low, high), aspect="equal")
+    return figure
+
+
+def map_of_pressure(pressure: Array, cell: float) -> Any:
+    """Return a figure of the pressures [Pa] of square cells of side ``cell`` [m]; the first index is along x."""
+    across, along = (cell * count for count in pressure.shape)
+    figure = _figures()(figsize=(6.4, float(np.clip(5.4 * along / across, 1.8, 8.0)) + 0.6), layout="constrained")
+    axes = figure.subplots()
+    drawn = axes.imshow(pressure.T, extent=(0.0, across, 0.0, along), origin="lower", cmap="Blues")
+    figure.colorbar(drawn, ax=axes, label="contact pressure [Pa]")
+    _label(axes, max(across, along))
+    return figure
+
+
+def _figures() -> Any:
+    try:
+        from matplotlib.figure import Figure  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        raise MissingDependency(f"plot: needs matplotlib ({error}); install it: pip install matplotlib") from error
+    return Figure
+
+
+def _label(axes: Any, extent: float) -> None:
     unit, size = next((name, size) for name, size in UNITS.items() if extent > 0.1 * size or name == "µm")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(lambda value, _: f"{value / size:.6g}")
-    axes.set(xlim=(left, right), ylim=(low, high), xlabel=f"x [{unit}]", ylabel=f"y [{unit}]", aspect="equal")
-    return figure
+    axes.set(xlabel=f"x [{unit}]", ylabel=f"y [{unit}]")

@@ -158,9 +158,14 @@ class Result:
                 f"result: must have the keys model, balls and solved, got {keys or 'none'}; of a comparison take one "
                 'model\'s part: Result.from_dict(json.loads(text)["finite"]), or "linear"'
             )
-        balls = tuple(BallResult.from_dict(ball) for ball in data["balls"])
-        steps = tuple(Step.from_dict(step) for step in data.get("steps", ()))
-        return cls(data["model"], balls, Solved.from_dict(data["solved"]), steps)
+        try:
+            balls = tuple(BallResult.from_dict(ball) for ball in data["balls"])
+            steps = tuple(Step.from_dict(step) for step in data.get("steps", ()))
+            return cls(data["model"], balls, Solved.from_dict(data["solved"]), steps)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InvalidProblem(
+                f"result: must be what Result.to_dict gives, got one in which a key is missing or wrong: {error}"
+            ) from error
 
     def to_json(self, scene: Mapping[str, Any] | None = None) -> str:
         """Return the JSON text; `from_json` gives back the same numbers to the last bit."""

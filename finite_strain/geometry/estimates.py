@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from linear_bem.closed_forms import Indentation, indentation_of_layer
 from linear_bem.dual import height_faults
-from linear_bem.errors import UnsupportedProblem
+from linear_bem.errors import InvalidProblem, UnsupportedProblem
 from linear_bem.indenter import HeightFunction, Indenter, Paraboloid, Sphere
 from linear_bem.problem import Ball, Problem
 
@@ -46,7 +46,14 @@ def radius_seen(shape: str | Indenter, radius: float, approach: float) -> float:
     for x, y in ((1.0, 0.0), (0.0, 1.0)):
 
         def above(r: float, x: float = x, y: float = y) -> float:
-            return float(indenter.height(r * x, r * y)) - depth
+            height = indenter.height(r * x, r * y)
+            if isinstance(height, complex) or math.isnan(height):
+                raise InvalidProblem(
+                    f"balls.shape: {type(indenter).__name__}.height must be a real number wherever the layer may "
+                    f"touch, got {height} at (x, y) = ({r * x:.3g}, {r * y:.3g}) m; a body that ends before needs the "
+                    "property reach"
+                )
+            return float(height) - depth
 
         cuts.append(brentq(above, 0.0, end) if above(end) > 0.0 else end)
     return unit * cuts[0] * cuts[1] / (2.0 * depth)
@@ -100,7 +107,8 @@ def gap_from(ball: Ball, x: np.ndarray, y: np.ndarray, z: float) -> np.ndarray:
     """Return the gap [m] between a body and points at x, y (n,) [m] from its axis and z [m] above its lowest point."""
     shape = known_shape(ball)
     indenter, unit = (NAMED[shape], ball.radius) if isinstance(shape, str) else (shape, 1.0)
-    return np.asarray(unit * indenter.gap(x / unit, y / unit, z / unit))
+    with np.errstate(invalid="ignore"):  # nan where a body has no height, which `radius_seen` refuses
+        return np.asarray(unit * indenter.gap(x / unit, y / unit, z / unit))
 
 
 def penalties(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarray) -> np.ndarray:

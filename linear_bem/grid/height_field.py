@@ -217,6 +217,7 @@ def _found(whole: Patch, above: Array, pressure: Array, w: Array, depth: float, 
     return HeightFieldContact(
         pressure=pressure / whole.kernel.singular,
         displacement=w,
+        cell=whole.cell,
         approach=depth,
         normal_force=float(np.sum(pressure)) * area / whole.kernel.singular,
         mean_gap=max(float(np.mean(gap)), 0.0),

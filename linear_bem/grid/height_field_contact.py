@@ -1,11 +1,15 @@
 """The contact of a rigid height field: its fields, its numbers, and a note where the grid is coarse."""
 
-from dataclasses import dataclass, field
+import html
+import json
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
 from linear_bem.arrays import Array
 from linear_bem.counts import grouped
+from linear_bem.errors import InvalidProblem
 
 COARSE = 0.25
 """Relative error of the contact area above which a note says that the grid is coarse."""
@@ -15,6 +19,7 @@ COARSE = 0.25
 class HeightFieldContact:
     """Pressure [Pa] and displacement [m] at the cells, approach [m], force [N], mean gap [m], contact area [m^2].
 
+    ``cell`` is the side of a cell [m].
     Arrays have the shape of the heights; displacements are positive into the layer. For a periodic surface, values are
     those of one period and, unless the base is rigid, displacement and approach are measured from the mean of the
     deformed surface. ``contact_area`` is the area of the cells in contact less their excess at the edges;
@@ -26,6 +31,7 @@ class HeightFieldContact:
 
     pressure: Array = field(repr=False)
     displacement: Array = field(repr=False)
+    cell: float
     approach: float
     normal_force: float
     mean_gap: float
@@ -45,6 +51,32 @@ class HeightFieldContact:
             f"contact area {area:.4g} ± {error:.2g} m^2, largest pressure {peak:.4g} Pa",
         ]
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(self.summary())}</pre>"
+
+    def plot(self) -> Any:
+        """Return a matplotlib figure: a map of the contact pressure."""
+        from linear_bem.plotting import map_of_pressure  # noqa: PLC0415  (matplotlib, only where something is drawn)
+
+        return map_of_pressure(self.pressure, self.cell)
+
+    def to_json(self) -> str:
+        """Return the JSON text, arrays as nested lists; `from_json` gives back the same numbers to the last bit."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return json.dumps({k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()})
+
+    @classmethod
+    def from_json(cls, text: str) -> "HeightFieldContact":
+        """Return the contact that `to_json` wrote; raises `InvalidProblem`."""
+        try:
+            data = json.loads(text)
+            arrays = {key: np.array(data[key], dtype=float) for key in ("pressure", "displacement")}
+            return cls(**{**data, **arrays, "notes": tuple(data["notes"])})
+        except (KeyError, TypeError, ValueError) as error:
+            raise InvalidProblem(
+                f"from_json: must be the text that to_json wrote, got {text[:60]!r}: {error}"
+            ) from error
 
 
 def coarse_note(found: HeightFieldContact) -> tuple[str, ...]:

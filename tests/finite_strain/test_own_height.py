@@ -18,7 +18,7 @@ import finite_strain
 from finite_strain.contact.symbolic import FUNCTIONS, Symbolic
 from finite_strain.observer import Silence
 from finite_strain.refinement_loop import Refinement
-from linear_bem import UnsupportedProblem, solve
+from linear_bem import InvalidProblem, UnsupportedProblem, solve
 from linear_bem.dual import SLOPES, Dual
 from linear_bem.indenter import Indenter
 from tests.finite_strain.scenes import COARSER, at_small_strain, coarse_plan, coarse_rig, pair
@@ -142,3 +142,16 @@ def test_a_run_of_an_own_function_is_never_resumed(tmp_path: Path) -> None:
     ]
     assert len(set(keys[0])) == 1
     assert len(set(keys[1])) == 2
+
+
+class Ending(Bowl):
+    """A sphere without `reach`: its height has no value beyond its equator."""
+
+    def height(self, x: Any, y: Any) -> Any:
+        r2 = x**2 + y**2
+        return r2 / (1.0 + (1.0 - r2) ** 0.5)
+
+
+def test_a_body_whose_height_has_no_value_where_the_layer_may_touch_is_refused() -> None:
+    with pytest.raises(InvalidProblem, match=r"Ending\.height must be a real number .* needs the property reach"):
+        coarse_plan(pair(0.1, shape=Ending()))

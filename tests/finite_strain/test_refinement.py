@@ -6,13 +6,13 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from finite_strain import Numerics
+from finite_strain.accuracy.reached import judge
 from finite_strain.observer import Silence
 from finite_strain.planning.records import (
     BEFORE,
@@ -37,7 +37,6 @@ from finite_strain.planning.refinement import (
     decide,
 )
 from finite_strain.planning.run_plan import plan_run
-from finite_strain.refinement_loop import Refinement
 from linear_bem.errors import OutputUnusable
 from linear_bem.result import BallResult
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, light_pair, pair, relatively
@@ -100,7 +99,7 @@ def test_a_mesh_that_goes_beyond_the_coarser_one_is_refined_because_full_load_ha
     half = replace(ANSWER, fraction=0.5, error_terms={"discretisation": [4e-4]})
     rows = [Row(replace(state(1.0, 0.1, (0.01, 0.0)), fraction=f)) for f in (0.5, 1.0)]
     beyond = Record(CUBIC, 10, 1.0, True, rows, [half])
-    Refinement._judge(SimpleNamespace(plan=plan), beyond)  # type: ignore[arg-type]
+    judge(plan, beyond)
     assert beyond.reached == math.inf
     assert chosen(0.1, [record(QUADRATIC), beyond]) == QUARTIC
 

@@ -8,6 +8,7 @@ import pytest
 from linear_bem import (
     Ball,
     Elastic,
+    HeightFieldContact,
     InvalidProblem,
     Layer,
     Load,
@@ -346,3 +347,18 @@ def test_measured_surfaces_need_the_library_and_are_turned_over(monkeypatch):
     Measured.unit, Measured.pixel_size = None, (1.0, 2.0)
     with pytest.raises(InvalidProblem, match=r"(?s)cells must be square.*must state its unit"):
         read_heights("surface.opd")
+
+
+def test_a_contact_is_drawn_to_scale_shown_in_notebooks_and_kept_as_text():
+    heights, cell = paraboloid(32)
+    contact = solve_height_field(Layer(1.0, 0.3, np.inf), None, heights[:, :24], cell, approach=0.02)
+    image = contact.plot().axes[0].images[0]
+    assert image.get_extent() == pytest.approx([0.0, 32 * cell, 0.0, 24 * cell])
+    assert np.array_equal(image.get_array(), contact.pressure.T)
+    assert contact.summary().splitlines()[1] in contact._repr_html_()
+    again = HeightFieldContact.from_json(contact.to_json())
+    assert np.array_equal(again.pressure, contact.pressure)
+    assert again.to_json() == contact.to_json()
+    for text in ("{", "{}", '{"pressure": "x"}'):
+        with pytest.raises(InvalidProblem, match="from_json: must be the text that to_json wrote"):
+            HeightFieldContact.from_json(text)

@@ -85,6 +85,13 @@ def test_json_of_something_else_is_refused_with_what_a_result_has(text):
         Result.from_json(text)
 
 
+def test_a_ball_without_a_number_is_refused_with_its_name(solution):
+    data = solution.result().to_dict()
+    del data["balls"][0]["approach"]
+    with pytest.raises(InvalidProblem, match="a key is missing or wrong: 'approach'"):
+        Result.from_dict(data)
+
+
 def test_fields_of_a_result_without_them_name_the_function_that_has_them(solution):
     for function in (stress, interior_displacement, vertical_stress):
         with pytest.raises(InvalidProblem, match=f"{function.__name__}: needs the fields that solve_contact returns"):

@@ -35,11 +35,19 @@ def test_the_live_table_meets_the_solver_within_the_error_that_it_states() -> No
     shipped = table.read()
     for at in ((0.48, 1.16, 2.0, 0.3), (0.5, 0.6, 2.2, 0.2), (0.3, 6.0, 3.0, 0.5), (0.1, 11.0, 7.5, 0.05)):
         stated = shipped.data["errors"][int(at[1] > table.BREAK)]["largest"]
-        assert max(stated["tangential"], stated["normal"]) < 5e-3
+        of_tangential, of_normal = shipped.data["error_of_kind"][table.kind(*at)]
+        assert max(of_tangential, of_normal) < 2e-2
         tangential, normal, section = table.difference(shipped, *at)
-        assert tangential <= stated["tangential"]
-        assert normal <= stated["normal"]
+        assert tangential <= of_tangential
+        assert normal <= of_normal
         assert section <= stated["section"]
+
+
+def test_the_live_table_covers_its_corners_too() -> None:
+    """Nearly incompressible, deep, touching: the largest errors at random points were exceeded by up to 3.4 times."""
+    shipped = table.read()
+    for at in ((0.5, 1.15, 2.0, 0.5), (0.48, 0.5, 2.0, 0.22), (0.48, 1.16, 2.0, 0.32), (0.49, 0.7, 2.1, 0.3)):
+        assert np.all(table.force_difference(shipped, at) <= shipped.data["error_of_kind"][table.kind(*at)])
 
 
 def test_the_factors_of_the_live_page_are_the_published_ones() -> None:
@@ -63,7 +71,8 @@ for (const values of %s) {
   document.getElementById("live").dispatchEvent(new CustomEvent("set-values", {detail: values}));
   const text = (name) => document.querySelector(`[data-shows="${name}"]`).textContent;
   answers.push({...JSON.parse(document.getElementById("live").dataset.values),
-    shown: text("tangential"), share: text("share"), kind: text("kind"), factor: text("strengthening")});
+    shown: text("tangential"), share: text("share"), kind: text("kind"), factor: text("strengthening"),
+    limited: text("limited")});
 }
 document.body.innerHTML = "<pre id=answers></pre>";
 document.getElementById("answers").textContent = JSON.stringify(answers);
@@ -142,6 +151,10 @@ def test_number_fields_set_values_exactly_and_t_has_the_sign_and_digits_of_its_k
     (answer,) = in_browser([{}], tmp_path, FIELDS)
     assert answer["at"][:2] == [0.49, 11 / 2.5]
     (thin,) = in_browser([{}], tmp_path)  # as the page opens
+    assert thin["limited"] == ""
+    limited, free = in_browser([{"poisson": 0.7, "approach": 9.0}, {"poisson": 0.4}], tmp_path)
+    assert limited["limited"] == "The table has no other value here: nu = 0.5, D = 1.25."
+    assert free["limited"] == ""
     assert thin["kind"] == "separation"
     assert re.fullmatch(r"\u2212\d+(\.\d+)? \u00b1 \d+(\.\d+)? [mµn]?N", thin["shown"])
     value, error = thin["shown"].split(" ")[::2]

@@ -35,9 +35,10 @@ const liveModel = (() => {
       const hertz = 4 / 3 * d ** 1.5 / (1 - nu * nu);
       const normal = hertz * Math.exp(interpolate(axes, p.normal, at));
       const points = interpolate([FINE, REACH], table.point_ratio, [nu, clamp(l / h, REACH.low, REACH.high)]);
-      const unit = reference(nu, l, normal), largest = table.errors[part(h)].largest;
+      const unit = reference(nu, l, normal);
+      const [ofT, ofQ] = table.error_of_kind[8 * part(h) + 4 * (nu > 0.44) + 2 * (l < 2.2) + (d > 0.5 * deepest(h))];
       const tangential = (interpolate(axes, p.remainder, at) + points) * unit;
-      return {normal, tangential, error: largest.tangential * unit, normalError: largest.normal * normal};
+      return {normal, tangential, error: ofT * unit, normalError: ofQ * normal};
     }
 
     function alone(nu, h, d) {
@@ -138,8 +139,10 @@ const liveModel = (() => {
     return `${error === undefined ? digits(x * factor) : withError(x * factor, error * factor)} ${prefix}${unit}`;
   }
 
+  const limited = new Set();  // inputs that are not where the user wants them, as the table ends there
   function limit(name, low, high) {
     const slider = input[name], value = Math.min(Math.max(Number(slider.value), low), high);
+    if (value !== Number(slider.value)) limited.add(name);
     slider.min = low; slider.max = high; slider.value = value;
     return Number(slider.value);
   }
@@ -166,6 +169,10 @@ const liveModel = (() => {
     shown.strengthening.textContent = S ? `${withError(S.factor, S.error)}${by}` : "not known here";
     shown.drift.textContent = resolved ? driftText(model.drift(...at), T > 0, R, f) : "no motion that the table resolves";
     draw(at, T, resolved);
+    const symbol = (name) => input[name].parentElement.firstChild.textContent.trim().split(",")[0];
+    const ends = [...limited].map((name) => `${symbol(name)} = ${digits(Number(input[name].value), 4)}`);
+    shown.limited.textContent = ends.length ? `The table has no other value here: ${ends.join(", ")}.` : "";
+    limited.clear();
     root.dataset.values = JSON.stringify({at, Q, T, error, normalError: found.normalError * force, S,
       drift: model.drift(...at)});
   }
@@ -199,6 +206,7 @@ const liveModel = (() => {
       if (values[name] === undefined) continue;
       if (["thickness", "distance", "approach"].includes(name)) { input[name].min = 0; input[name].max = 1e6; }
       input[name].value = values[name];
+      if (Number(input[name].value) !== values[name]) limited.add(name);
     }
     update();
   }

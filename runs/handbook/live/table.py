@@ -1,6 +1,7 @@
 """The data of the handbook's live page: two equal spheres on a layer with a rigid base, at small strain.
 
-    python -m runs.handbook.live.table            # about 15 minutes of processor time; continues after an interruption
+    python -m runs.handbook.live.table            # about 25 minutes of processor time; continues after an interruption
+    python -m runs.handbook.live.table errors     # compares the shipped table with the solver again
 
 Lengths are over R, forces over E R^2, so that the table holds for all R and E. With E* = E/(1 - nu^2), it contains
 
@@ -10,20 +11,24 @@ Lengths are over R, forces over E R^2, so that the table holds for all R and E. 
 - for one ball alone, the contact radius a and the surface around it, for the section.
 
 D is tabulated as a fraction of the largest approach, the smaller of 0.5 R and 0.44 h. The table is then compared with
-`linear_bem.solve` at random points; the page shows the largest differences.
+`linear_bem.solve` at random points and at points of a grid between the nodes. The error of T and Q on the page is
+`MARGIN` times the largest difference among points of the same kind, see `kind`.
 """
 
 import json
 import math
+import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from linear_bem import Ball, ContactSequence, Layer, LayeredKernel, Load, Problem, solve_contact
+from linear_bem import Ball, ContactSequence, Layer, LayeredKernel, Load, Problem, Solution, solve_contact
 from runs.handbook.live.chebyshev import Array, Axis, interpolate
 
 FILE = Path(__file__).with_name("table.json")
@@ -40,6 +45,14 @@ FINE_POISSON = Axis("poisson", 0.0, 0.5, "linear", 8)
 REACH = Axis("distance over thickness", 0.15, 16.0, "log", 40)
 AROUND = Axis("distance from the contact", 0.0, 8.0, "sqrt", 16)
 RANDOM_POINTS, SEED = 240, 20211
+CHECKED = {
+    "poisson": (0.0, 0.3, 0.45, 0.48, 0.5),
+    "thickness": (0.5, 0.6, 0.8, 1.0, 1.136, 1.137, 1.16, 1.4, 2.2, 5.0, 12.0),
+    "distance": (2.0, 2.05, 2.19, 2.6, 5.5),
+    "share": (1.0, 0.8, 0.51, 0.3, 0.08),
+}
+"""Grid of points at which T and Q are compared with the solver; share: of the largest approach."""
+MARGIN = 1.5
 SEQUENCE_ACCURACY, CHECK_ACCURACY = 1e-3, 1e-4
 """Relative accuracy of T required of the solver for the table, and at the random points."""
 
@@ -126,7 +139,13 @@ def compute(say: Callable[[str], None] = print) -> LiveTable:
     CACHE.mkdir(parents=True, exist_ok=True)
     fine = [[point_ratio(nu, reach) for reach in REACH.nodes()] for nu in FINE_POISSON.nodes()]
     table = LiveTable({"point_ratio": _rounded(fine), "patches": [_patch(axis, say) for axis in THICKNESS]})
-    return LiveTable({**_axes(), **table.data, "errors": errors(table, RANDOM_POINTS, say)})
+    return with_errors(LiveTable({**_axes(), **table.data}), say)
+
+
+def with_errors(table: LiveTable, say: Callable[[str], None] = print) -> LiveTable:
+    """Return the table with its differences from the solver."""
+    found = errors(table, RANDOM_POINTS, say)
+    return LiveTable({**table.data, "errors": found, "error_of_kind": errors_of_kinds(table, say)})
 
 
 def random_points(count: int, seed: int = SEED) -> Iterator[tuple[float, float, float, float]]:
@@ -161,18 +180,46 @@ def errors(table: LiveTable, count: int, say: Callable[[str], None] = print) -> 
     ]
 
 
+def kind(poisson: float, thickness: float, distance: float, approach: float) -> int:
+    """Return the number of a point's kind: thickness, Poisson's ratio, distance and depth where errors differ most."""
+    deep = approach > 0.5 * deepest(thickness)
+    return 8 * int(thickness > BREAK) + 4 * int(poisson > 0.44) + 2 * int(distance < 2.2) + int(deep)
+
+
+def errors_of_kinds(table: LiveTable, say: Callable[[str], None] = print) -> list[list[float]]:
+    """Return the errors of T over T0 and of Q over Q of every `kind`, from the grid `CHECKED` and the random points."""
+    points = [(nu, h, apart, share * deepest(h)) for nu, h, apart, share in product(*CHECKED.values())]
+    points += random_points(RANDOM_POINTS)
+    largest = np.zeros((16, 2))
+    with ProcessPoolExecutor() as pool:
+        found = pool.map(partial(force_difference, table), points, chunksize=5)
+        for number, (at, off) in enumerate(zip(points, found, strict=True)):
+            largest[kind(*at)] = np.maximum(largest[kind(*at)], off)
+            if number % 200 == 199:
+                say(f"compared with the solver at {number + 1} of {len(points)} points")
+    return list(_rounded(MARGIN * largest))
+
+
+def force_difference(table: LiveTable, at: tuple[float, float, float, float]) -> Array:
+    """Return the sizes of the differences from the solver at one point: T over T0, Q over Q."""
+    return _off(table, at, solve_contact(pair(*at), CHECK_ACCURACY))
+
+
+def _off(table: LiveTable, at: tuple[float, float, float, float], solution: Solution) -> Array:
+    ball, (normal, tangential) = solution.result().balls[0], table.pair_forces(*at)
+    unit = reference(at[0], at[2], ball.normal_force)
+    return np.abs([(tangential - ball.tangential_force[0]) / unit, normal / ball.normal_force - 1.0])
+
+
 def difference(table: LiveTable, poisson: float, thickness: float, distance: float, approach: float) -> Array:
     """Return the sizes of the differences from the solver at one point: T over T0, Q over Q, w over D."""
     at = (poisson, thickness, distance, approach)
     solution = solve_contact(pair(*at), CHECK_ACCURACY)
-    ball = solution.result().balls[0]
-    normal, tangential = table.pair_forces(*at)
     x = np.linspace(-0.5 * distance - 3.0, 0.5 * distance + 3.0, 61)
     section = table.section(*at)
     w = np.array([section(float(place)) for place in x])
-    unit = reference(poisson, distance, ball.normal_force)
     off_section = np.max(np.abs(w - solution.displacement(x, np.zeros_like(x)))) / approach
-    return np.abs([(tangential - ball.tangential_force[0]) / unit, normal / ball.normal_force - 1.0, off_section])
+    return np.append(_off(table, at, solution), off_section)
 
 
 def _patch(thicknesses: Axis, say: Callable[[str], None]) -> dict[str, Any]:
@@ -235,6 +282,6 @@ def read() -> LiveTable:
 
 
 if __name__ == "__main__":
-    made = compute()
+    made = with_errors(read()) if sys.argv[1:] == ["errors"] else compute()
     FILE.write_text(json.dumps(made.data, separators=(",", ":")) + "\n", encoding="utf-8")
-    print(f"{FILE}: {FILE.stat().st_size / 1e3:.0f} kB; {made.data['errors']}")
+    print(f"{FILE}: {FILE.stat().st_size / 1e3:.0f} kB; {made.data['errors']}, {made.data['error_of_kind']}")
