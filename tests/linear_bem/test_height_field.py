@@ -362,3 +362,23 @@ def test_a_contact_is_drawn_to_scale_shown_in_notebooks_and_kept_as_text():
     for text in ("{", "{}", '{"pressure": "x"}'):
         with pytest.raises(InvalidProblem, match="from_json: must be the text that to_json wrote"):
             HeightFieldContact.from_json(text)
+
+
+def film(count):
+    """A sphere on a film that is 1000 times as stiff as its base: conjugate gradients stall from 128 cells on."""
+    x = 1.5 * ((np.arange(count) + 0.5) / count - 0.5)
+    return (
+        Layer(1e3, 0.3, 0.05),
+        Elastic(1.0, 0.3),
+        1.0 - np.sqrt(np.maximum(1.0 - x[:, None] ** 2 - x**2, 0.0)),
+        1.5 / count,
+    )
+
+
+def test_a_stiff_film_on_which_conjugate_gradients_stall_is_solved():
+    coarse, fine = solve_height_field(*film(64), approach=0.3), solve_height_field(*film(160), approach=0.3)
+    assert max(fine.gap_in_contact, fine.penetration_outside) < 1e-8
+    assert fine.normal_force == pytest.approx(coarse.normal_force, rel=3e-4)
+    again = solve_height_field(*film(160), normal_force=fine.normal_force)
+    assert again.approach == pytest.approx(0.3, rel=1e-7)
+    assert np.array_equal(again.pressure > 0.0, fine.pressure > 0.0)
