@@ -164,11 +164,17 @@ def _compiler_cache(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
         flags = _FLAGS + (_WIDE_FLAGS if comm.allreduce(_has_wide_registers(), op=MPI.LAND) else [])
         options = {"timeout": _COMPILER_SECONDS, "cache_dir": str(cache), "cffi_extra_compile_args": flags}
         # forms in the cache take no time
-        slow = threading.Timer(_NOTED_AFTER, logging.getLogger("finite_strain").info, [_COMPILING])
+        slow = threading.Timer(_NOTED_AFTER, _announce)
         if comm.rank == 0:
             slow.start()
             stack.callback(slow.cancel)
         yield {"jit_params" if _OLD else "jit_options": options}
+
+
+@lru_cache(maxsize=1)
+def _announce() -> None:
+    """Log, once per process, that forms are compiled."""
+    logging.getLogger("finite_strain").info(_COMPILING)
 
 
 @lru_cache(maxsize=1)

@@ -19,11 +19,12 @@ KINK = 20.0
 up to 15 times too small."""
 
 
-ON_GRID, ON_GRID_SHARP, UNCANCELLED, LOCAL = 0.6, 1.2, 0.03, 0.15
-"""Least error of T on a grid over the square of cell over contact radius: as a share of the largest T (under balls,
-paraboloids and ellipsoids, or others), and of the largest T without its cancellation (`felt`); both times the local
-share of approaches, `_local_share`, at least `LOCAL`. Two grids may agree by chance: errors were up to 96 times their
-change, and at most 0.7 times the estimates with this bound (`python -m tests.linear_bem.grid_bars 120 1`, and 2)."""
+ON_GRID, ON_GRID_SHARP, UNCANCELLED, UNCANCELLED_THIN, LOCAL = 0.6, 1.2, 0.03, 0.3, 0.15
+"""Least error of T on a grid over the square of cell over contact radius or, if it is smaller, the thickness of a soft
+layer. Shares of the largest T (under balls, paraboloids and ellipsoids; under others), and of the largest T without its
+cancellation (`felt`; more of it where a soft layer is thin against the contact). All are multiplied by the local share
+of approaches, `_local_share`, at least `LOCAL`. Two grids may agree by chance: errors were up to 96 times their change,
+and at most 0.8 times the estimates with this bound (`python -m tests.linear_bem.grid_bars 120 1`, and 2, 3, 4)."""
 
 
 def pulls(contacts: Contacts, softest: float = 0.0, fading: float = math.inf) -> Array:
@@ -82,22 +83,38 @@ def error_of_one(contacts: SmoothContacts) -> Array:
 
 def error_of_one_grid(contacts: GridContacts) -> Array:
     """Estimate the error of T [N] on every ball from the size of the cells, see `ON_GRID`."""
+    local, thickness = _local_share(contacts), contacts.kernel.thickness
+    # the layer takes a part of the approach that its base cannot take: its thickness counts
+    is_soft = not contacts.kernel.homogeneous and contacts.kernel.far_ratio * local < 0.9
+    radius = math.sqrt(float(np.max(contacts.contact_areas)) / math.pi)
+    thin = min(1.0, radius / thickness) if is_soft else 0.0
+    fine = max(contacts.coarseness, contacts.resolution / thickness if is_soft else 0.0)
     smooth = all(isinstance(ball.indenter, Sphere | Paraboloid | Ellipsoid) for ball in contacts.problem.balls)
-    share_of_t = ON_GRID if smooth else ON_GRID_SHARP
-    size = share_of_t * np.max(np.abs(contacts.mutual_force)) + UNCANCELLED * np.max(felt(contacts))
-    share = max(LOCAL, _local_share(contacts))
-    return np.full(contacts.problem.size, share * contacts.coarseness**2 * float(size))
+    size = (ON_GRID if smooth else ON_GRID_SHARP) * np.max(np.abs(contacts.mutual_force))
+    size += (UNCANCELLED + UNCANCELLED_THIN * thin**2) * np.max(felt(contacts))
+    return np.full(contacts.problem.size, min(1.0, max(LOCAL, local)) * fine**2 * float(size))
+
+
+def error_by_change(contacts: GridContacts, change: Array, known: Array | None) -> Array:
+    """Return the error of T [N] on the finer of two grids, from its change and the estimate on the coarser, if any.
+
+    The change of contacts that merge counts twice: they may converge as slowly as the side of the cells.
+    """
+    merged = any(len(patch.members) > 1 for patch in contacts.patches.patches)
+    error = np.maximum((2.0 if merged else 1.0) * change, error_of_one_grid(contacts))
+    return error if known is None else np.maximum(error, 0.25 * known)
 
 
 def _local_share(contacts: GridContacts) -> float:
-    """Return the largest approach of a half-space of the layer's material over the approach, by Hertz; at most 1.
+    """Return the largest approach of a half-space of the layer's material over the approach, by Hertz.
 
     Under a stiff film on a soft base it is small: cells hardly change the base's deformation, the larger part.
     """
     touching = contacts.normal_forces > 0.0
     radius = np.sqrt(contacts.contact_areas[touching] / math.pi)
     local = 0.75 * math.pi * contacts.kernel.singular * contacts.normal_forces[touching] / radius
-    return float(np.max(np.minimum(1.0, local / np.abs(contacts.approaches[touching]))))
+    given = np.abs(contacts.approaches[touching])
+    return float(np.max(np.divide(local, given, out=np.ones_like(local), where=given > 0.0)))
 
 
 def change(before: Contacts, after: Contacts) -> tuple[Array, float]:
@@ -176,8 +193,8 @@ def narrow_peaks(contacts: GridContacts) -> Array:
 
     Under a cone of slope s the pressure rises as (E* s/2) ln(2 a/r) down to the width of its tip, s times the tip's
     radius. At a punch's edge it rises with the root of the distance, down to the width (3 D e/(2 sqrt(2 a)))^(2/3) of
-    the contact with the rounding of radius e (half-space of the layer's material; Johnson 1985, Contact Mechanics,
-    sections 5.1 and 5.4).
+    the contact with the rounding of radius e, D = Q/(2 E* a) (half-space of the layer's material; Johnson 1985, Contact
+    Mechanics, sections 5.1 and 5.4).
     """
     shares, peaks = np.zeros(contacts.problem.size), contacts.peak_pressures
     for i in np.flatnonzero(peaks > 0.0):
@@ -187,7 +204,8 @@ def narrow_peaks(contacts: GridContacts) -> Array:
             lost = 0.25 * slope * math.log1p((contacts.resolution / (slope * body.tip_radius)) ** 2)
             shares[i] = lost / (math.pi * contacts.kernel.singular * peaks[i])
         elif isinstance(body, Punch):
-            width = 1.5 * contacts.approaches[i] * body.edge_radius / math.sqrt(2.0 * body.radius)
+            depth = 0.5 * math.pi * contacts.kernel.singular * contacts.normal_forces[i] / body.radius
+            width = 1.5 * depth * body.edge_radius / math.sqrt(2.0 * body.radius)
             shares[i] = (1.0 + (contacts.resolution / width ** (2.0 / 3.0)) ** 2) ** 0.25 - 1.0
     return shares
 

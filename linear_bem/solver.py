@@ -13,10 +13,12 @@ from linear_bem.doubts import large_strain_notes, own_profile_notes
 from linear_bem.error_estimate import (
     Errors,
     change,
+    error_by_change,
     error_of_one,
     error_of_one_grid,
     errors_by_change,
     errors_of_one,
+    least_error,
     missed_pulls,
     pulls,
     quantities,
@@ -278,11 +280,9 @@ def _on_grids(
             last = _Refined(contacts, np.full(problem.size, np.inf), errors_of_one(contacts), np.inf, np.inf)
             continue
         error, settled = change(last.contacts, contacts)
-        error = np.maximum(error, error_of_one_grid(contacts))
-        known = last.errors if np.isfinite(last.reached) else None
-        if known is not None:
-            error = np.maximum(error, 0.25 * last.error)  # cells of half the size
-        errors = errors_by_change(last.contacts, contacts, known)
+        is_known = np.isfinite(last.reached)
+        error = error_by_change(contacts, error, last.error if is_known else None)
+        errors = errors_by_change(last.contacts, contacts, last.errors if is_known else None)
         last = _Refined(contacts, error, errors, float(np.max(error)) / reference_force(contacts), settled)
         if last.excess(wanted) <= 1.0:
             return Estimated(rested(contacts), error + missed_pulls(contacts), errors)
@@ -293,6 +293,7 @@ def _on_grids(
     error, notes = last.error, last.notes(f"finest grid that {fits}", wanted)
     if not np.all(np.isfinite(error)):
         error = np.maximum(route_difference(last.contacts), error_of_one_grid(last.contacts))
+        error = np.maximum(error, least_error(last.contacts))
         reached = float(np.max(error)) / reference_force(last.contacts)
         notes = (
             f"only one grid {fits}: T was requested to {wanted:.0e} of its size; its routes differ by {reached:.0e}",

@@ -10,11 +10,11 @@ lose the same cells for ever.
 import numpy as np
 
 from linear_bem.arrays import Array, Mask
-from linear_bem.grid.cells import Cells, GridState
+from linear_bem.grid.cells import Cells, GridState, deepest
 from linear_bem.report import Report, silent
 
-CHANGES, STEPS = 100, 500
-"""Largest number of contacts tried, and of steps of conjugate gradients on each."""
+CHANGES, STEPS = 100, 3000
+"""Largest number of contacts tried, and of steps of conjugate gradients in all."""
 WITHIN = 0.1
 """Residual of the linear systems over the tolerance."""
 
@@ -27,22 +27,24 @@ def solve_active_set(
     depth, owner = cells.envelope(approaches)
     contact, steps = p > 0.0, 0
     for change in range(CHANGES):
-        if not np.any(contact):
+        if steps > STEPS or not np.any(contact):
             return None
-        scale = float(np.max(np.abs(approaches)))
+        scale = deepest(approaches)
         within = WITHIN * tolerance * scale
-        p, taken = _equilibrium(cells, depth, contact, p, within)
+        p, taken = _equilibrium(cells, depth, contact, p, within, report)
         steps += taken
         masks = cells.groups_within(contact, owner)
         if masks:
             if not all(np.any(mine) for mine in masks):
                 return None
-            shifts = [
-                _equilibrium(cells, mine.astype(float), contact, np.zeros_like(p), within / scale) for mine in masks
-            ]
+            none, fine = np.zeros_like(p), within / scale
+            shifts = [_equilibrium(cells, mine.astype(float), contact, none, fine, report) for mine in masks]
             forces = np.array([[np.sum((q * cells.area)[mine]) for q, _ in shifts] for mine in masks])
             wanted = np.array([force for _, force in cells.groups])
-            moves = np.linalg.solve(forces, wanted - [np.sum((p * cells.area)[mine]) for mine in masks])
+            try:
+                moves = np.linalg.solve(forces, wanted - [np.sum((p * cells.area)[mine]) for mine in masks])
+            except np.linalg.LinAlgError:  # complete contact of a periodic surface: its mean pressure is free
+                return None
             for move, (q, taken), (members, _) in zip(moves, shifts, cells.groups, strict=True):
                 p, steps = p + move * q, steps + taken
                 approaches[members] += move
@@ -59,14 +61,18 @@ def solve_active_set(
     return None
 
 
-def _equilibrium(cells: Cells, wanted: Array, contact: Mask, start: Array, within: float) -> tuple[Array, int]:
+def _equilibrium(
+    cells: Cells, wanted: Array, contact: Mask, start: Array, within: float, report: Report
+) -> tuple[Array, int]:
     """Return pressures on the contact with displacements ``wanted`` [m] there, and the number of steps."""
     p = np.where(contact, start, 0.0)
     residual = np.where(contact, wanted - cells.apply(p), 0.0)
     direction, old = np.zeros_like(p), 1.0
     for step in range(STEPS):
-        if float(np.max(np.abs(residual))) <= within:
+        left = float(np.max(np.abs(residual)))
+        if not left > within:
             return p, step
+        report(f"{np.count_nonzero(contact)} cells in contact, step {step}: gap {left:.1e} m")
         z = cells.precondition(residual, contact)
         new = float(residual @ (z * cells.area))
         direction = z + (new / old if step else 0.0) * direction

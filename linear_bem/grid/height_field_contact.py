@@ -75,7 +75,7 @@ class HeightFieldContact:
             return cls(**{**data, **arrays, "notes": tuple(data["notes"])})
         except (KeyError, TypeError, ValueError) as error:
             raise InvalidProblem(
-                f"from_json: must be the text that to_json wrote, got {text[:60]!r}: {error}"
+                f"from_json: must be the text that to_json wrote, got {text!r:.60}: {error}"
             ) from error
 
 

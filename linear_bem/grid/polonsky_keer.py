@@ -15,22 +15,23 @@ import numpy as np
 from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.grid.active_set import solve_active_set
-from linear_bem.grid.cells import Cells, GridState
+from linear_bem.grid.cells import Cells, GridState, deepest
 from linear_bem.grid.patches import Patches
 from linear_bem.load_control import Groups
 from linear_bem.report import Report, silent
 
 PATIENCE = 60
 """Steps without progress after which steps are shortened."""
-HOPELESS = 200
-"""Steps without progress after which the active set takes over."""
+HOPELESS, GIVEN_UP = 200, 1000
+"""Steps without progress after which the active set is tried, and after which the solver stops; the hardest case solved
+without the active set made no progress for 920 steps."""
 
 
 class _Progress:
     """Shortens the steps, and finally stops, while the gap does not fall."""
 
     def __init__(self) -> None:
-        self.damping = 1.0
+        self.damping, self.patience = 1.0, HOPELESS
         self._best, self._since, self._improved = np.inf, 0, 0
 
     def ends(self, iteration: int, gap: float, restart: bool) -> bool:
@@ -40,7 +41,7 @@ class _Progress:
         self._since += 1
         if self._since > PATIENCE and restart:
             self.damping, self._since = max(0.5 * self.damping, 0.05), 0
-        return iteration - self._improved > HOPELESS
+        return iteration - self._improved > self.patience
 
 
 def solve_bounded(
@@ -74,7 +75,7 @@ def solve_bounded(
             cells.rest_on_contact(approaches, w - depth, contact, owner)
             depth, owner = cells.envelope(approaches)
         gap = w - depth
-        scale = float(np.max(np.abs(approaches)))
+        scale = deepest(approaches)
         gap_inside = float(np.max(np.abs(gap[contact]), initial=0.0)) / scale
         penetration = float(np.max(-gap[~contact], initial=0.0)) / scale
         left = f"gap {gap_inside:.1e}, penetration {penetration:.1e}, tolerance {tolerance:.1e}"
@@ -102,7 +103,12 @@ def solve_bounded(
                 "the tolerance; take a smaller load, a thicker film or a lower E1/E2"
             )
         if progress.ends(iteration, gap_inside, restart):
-            break
+            found = None if progress.patience == GIVEN_UP else solve_active_set(cells, p, approaches, tolerance, report)
+            if found is not None:
+                return found
+            if progress.patience == GIVEN_UP:
+                break
+            progress.patience = GIVEN_UP
         descent = float(residual @ (direction * cells.area)) / curvature if curvature > 0.0 else 0.0
         step = (progress.damping if restart else 1.0) * descent
         p = p - step * direction
@@ -114,7 +120,7 @@ def solve_bounded(
         before = p
         p = cells.with_prescribed_forces(p, owner)
         w = cells.apply(p) if restart or p is not before else w - step * image
-    found = solve_active_set(cells, p, approaches, tolerance, report)
+    found = None if progress.patience == GIVEN_UP else solve_active_set(cells, p, approaches, tolerance, report)
     if found is not None:
         return found
     raise NotConverged(

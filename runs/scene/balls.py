@@ -39,7 +39,7 @@ class BallsTable(Table):
 
     Bodies must not overlap. Spheres and paraboloids touch as balls on one plane do, at a distance of 2 sqrt(R1 R2).
     Beside ellipsoids and punches the widths on the line between the axes add up. A cone has no width: any body may
-    stand next to it, but at finite strain not if their profiles cross at the undeformed surface.
+    stand next to it, but at finite strain not if they overlap, when pressed in, at the level of the undeformed surface.
     """
     shape: Shapes = "sphere"
     """Shape of all balls, or a list with one per ball."""

@@ -14,12 +14,12 @@ import time
 import numpy as np
 
 from linear_bem import Ball, Cone, Elastic, Ellipsoid, InvalidProblem, Layer, LayeredKernel, Load, Problem, Punch
-from linear_bem.error_estimate import change, error_of_one_grid
+from linear_bem.error_estimate import change, error_by_change
 from linear_bem.errors import ThirdBodyError
 from linear_bem.grid.contacts import GridContacts, grid_levels
 from linear_bem.smooth.initial_guess import first_guess
 
-KINDS = ("deep", "merged", "cones", "punches", "mixed", "ellipsoids", "film", "three")
+KINDS = ("deep", "thin", "merged", "cones", "punches", "mixed", "ellipsoids", "film", "three")
 
 
 def scene(kind: str, rng: random.Random) -> Problem:
@@ -43,6 +43,11 @@ def scene(kind: str, rng: random.Random) -> Problem:
     elif kind == "film":
         young, base, h = 10.0 ** rng.uniform(1.0, 2.5), Elastic(1.0, 0.3), rng.uniform(0.05, 0.4)
         depth = rng.uniform(0.1, 0.3)
+    elif kind == "thin":
+        h, base = rng.uniform(0.08, 0.6), None
+        depth = rng.uniform(0.1, 0.5) * h
+        apart = rng.uniform(0.7, 1.3) * 2.0 * math.sqrt(2.0 * depth)
+        bodies = [Ball((x, 0.0), 1.0, "paraboloid", asperity=True) for x in (0.0, apart)]
     elif kind == "three":
         bodies = [Ball((0.0, 0.0), 1.0), Ball((apart, 0.3), 0.7), Ball((0.4, apart + 0.4), 1.2)]
     return Problem(Layer(young, nu, h), tuple(bodies), Load("approach", (depth,) * len(bodies)), base)
@@ -71,10 +76,10 @@ def main(seconds: float, seed: int) -> None:
         if len(grids) < 4:
             continue
         exact = grids[-1].mutual_force + (grids[-1].mutual_force - grids[-2].mutual_force) / 3.0
-        before = 0.0
+        before = None
         for coarse, fine in itertools.pairwise(grids[:-1]):
             alone, _ = change(coarse, fine)
-            bar = np.maximum(np.maximum(alone, error_of_one_grid(fine)), 0.25 * before)
+            bar = error_by_change(fine, alone, before)
             off, before = np.max(np.abs(fine.mutual_force - exact), axis=1), bar
             count, by_bar, by_change = worst[kind]
             worst[kind] = count + 1, max(by_bar, float(np.max(off / bar))), max(by_change, float(np.max(off / alone)))

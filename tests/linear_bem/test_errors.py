@@ -155,6 +155,11 @@ UNEVEN = {
     "thin": Problem(
         Layer(1.0, 0.48, 1.15), tuple(Ball((x, 0.0), 1.0) for x in (-1.015, 1.015)), Load("approach", (0.49, 0.49))
     ),
+    "nearly merging on a thin layer": Problem(
+        Layer(1.0, 0.49, 0.1),
+        tuple(Ball((x, 0.0), 1.0, "paraboloid", asperity=True) for x in (0.0, 2.06 * 0.08**0.5)),
+        Load("approach", (0.04, 0.04)),
+    ),
     "punch and cone": Problem(
         Layer(1.0, 0.3, 1.27),
         (Ball((0.0, 0.0), shape=Punch(0.5, 0.16)), Ball((2.06, -0.06), shape=Cone(0.495, 0.166))),
@@ -179,7 +184,8 @@ def test_tangential_forces_that_two_grids_share_by_chance_are_within_their_error
         for ball, known in zip(found.result().balls, exact.balls, strict=True):
             off = np.hypot(*np.subtract(ball.tangential_force, known.tangential_force))
             assert off <= ball.tangential_force_error + known.tangential_force_error
-            assert ball.tangential_force_error < accuracy * np.hypot(*known.tangential_force)
+            reached = ball.tangential_force_error < accuracy * np.hypot(*known.tangential_force)
+            assert reached or any("was asked for" in note for note in found.notes)
 
 
 @pytest.mark.parametrize("tip", [0.05, 0.002, 0.0002])
@@ -197,3 +203,12 @@ def test_the_peak_under_a_tip_finer_than_a_cell_is_covered(tip, accuracy):
     assert abs(ball.peak_pressure - peak) <= ball.errors["peak_pressure"] < 1.5 * peak
     if tip == 0.05:
         assert ball.errors["peak_pressure"] < 0.2 * peak
+
+
+def test_the_peak_of_a_punch_without_approach_has_an_error():
+    """The layer bulges up to it. The width of its edge was computed from the approach: nan."""
+    bodies = (Ball((0.0, 0.0), 1.0), Ball((1.5, 0.0), shape=Punch(0.4, 0.05)))
+    for depth in (0.0, -0.001):
+        problem = Problem(Layer(1.0, 0.5, 1.0), bodies, Load("approach", (0.3, depth)))
+        punch = solve(problem, 1e-2).balls[1]
+        assert 0.0 < punch.errors["peak_pressure"] < punch.peak_pressure
