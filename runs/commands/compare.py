@@ -95,7 +95,7 @@ def _show(session: Session, document: Document) -> None:
     tables.say(out, document["answer"], style="bold")
     found = document.get("sensitivity")
     if found is not None:
-        ball = balls[leading]
+        ball = balls[found.get("ball", leading)]  # the leading one of the linear model
         known = ball["tangential_force_error"] / math.hypot(*ball["tangential_force"])
         ratio = sensitivity.ratio(found, rows, session.problem.load.kind)
         inputs = sensitivity.rows(found, session.problem, session.scale, known if sensitivity.holds(ratio) else None)

@@ -78,12 +78,16 @@ def _comparison(folder: Folder, document: Mapping[str, Any]) -> Document:
     found["notes"] = list(dict.fromkeys([*found["notes"], *document["linear"]["solved"]["notes"]]))
     found["answer"] = document["answer"]
     found["compared"] = comparison_rows(document["comparison"], finite["balls"], ball, scale)
-    return found | _sensitivity(folder, document, finite["balls"][ball], scale)
+    return found | _sensitivity(folder, document, scale)
 
 
-def _sensitivity(folder: Folder, document: Mapping[str, Any], ball: Mapping[str, Any], scale: Scale) -> Document:
-    found, size = document.get("sensitivity"), math.hypot(*ball["tangential_force"])
-    if found is None or size == 0.0:
+def _sensitivity(folder: Folder, document: Mapping[str, Any], scale: Scale) -> Document:
+    found = document.get("sensitivity")
+    if found is None:
+        return {}
+    ball = document["finite"]["balls"][found.get("ball", 0)]  # the leading one of the linear model
+    size = math.hypot(*ball["tangential_force"])
+    if size == 0.0:
         return {}
     problem = Tables.model_validate(tomllib.loads(folder.scene_text)).problem()
     ratio = sensitivity.ratio(found, document["comparison"], problem.load.kind)
