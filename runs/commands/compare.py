@@ -1,7 +1,5 @@
 """The command ``compare``: the finite-strain load path against the linear model, step by step."""
 
-import math
-
 from linear_bem.depth import LARGE_STRAIN
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.result import Result
@@ -93,11 +91,7 @@ def _show(session: Session, document: Document) -> None:
     known = tables.error_lines([balls[leading]]) if len(balls) > 1 else []  # of a single ball the next line says it
     tables.say(out, *known, *tables.accuracy_lines(finite), *tables.notes(finite, linear), "")
     tables.say(out, document["answer"], style="bold")
-    found = document.get("sensitivity")
-    if found is not None:
-        ball = balls[found.get("ball", leading)]  # the leading one of the linear model
-        known = ball["tangential_force_error"] / math.hypot(*ball["tangential_force"])
-        ratio = sensitivity.ratio(found, rows, session.problem.load.kind)
-        inputs = sensitivity.rows(found, session.problem, session.scale, known if sensitivity.holds(ratio) else None)
+    if document.get("sensitivity") is not None:
+        inputs, caption = sensitivity.beside(document, session.problem, session.scale)
         tables.show_words(out, sensitivity.TITLE, inputs)
-        tables.say(out, sensitivity.check(found, ratio))
+        tables.say(out, caption)

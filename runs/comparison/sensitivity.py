@@ -238,6 +238,18 @@ def holds(ratio: float | None) -> bool:
     return ratio is None or 1.0 / UNLIKE <= ratio <= UNLIKE
 
 
+def beside(document: Mapping[str, Any], problem: Problem, scale: Scale) -> tuple[list[dict[str, str]], str]:
+    """Return table and caption for the document of a comparison; the error of T is that of the ball they name."""
+    found = document["sensitivity"]
+    factor = ratio(found, document["comparison"], problem.load.kind)
+    known = None
+    if "failure" not in found and holds(factor):
+        ball = document["finite"]["balls"][found["ball"]]
+        size = math.hypot(*ball["tangential_force"])
+        known = ball["tangential_force_error"] / size if size else None
+    return rows(found, problem, scale, known), check(found, factor)
+
+
 def check(found: Mapping[str, Any], ratio: float | None = None) -> str:
     """Return the caption of the table, with its validity at finite strain, or why there is no table.
 

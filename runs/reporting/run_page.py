@@ -82,20 +82,11 @@ def _comparison(folder: Folder, document: Mapping[str, Any]) -> Document:
 
 
 def _sensitivity(folder: Folder, document: Mapping[str, Any], scale: Scale) -> Document:
-    found = document.get("sensitivity")
-    if found is None:
-        return {}
-    ball = document["finite"]["balls"][found.get("ball", 0)]  # the leading one of the linear model
-    size = math.hypot(*ball["tangential_force"])
-    if size == 0.0:
+    if document.get("sensitivity") is None:
         return {}
     problem = Tables.model_validate(tomllib.loads(folder.scene_text)).problem()
-    ratio = sensitivity.ratio(found, document["comparison"], problem.load.kind)
-    known = ball["tangential_force_error"] / size if sensitivity.holds(ratio) else None
-    return {
-        "inputs": sensitivity.rows(found, problem, scale, known),
-        "inputs_checked": sensitivity.check(found, ratio),
-    }
+    inputs, caption = sensitivity.beside(document, problem, scale)
+    return {"inputs": inputs, "inputs_checked": caption}
 
 
 def _tables(document: Mapping[str, Any]) -> list[tuple[str, list[Document], str]]:

@@ -9,7 +9,7 @@ import pytest
 
 from linear_bem import Ball, Cone, Elastic, Layer, Load, Problem, solve
 from runs.comparison import sensitivity
-from runs.comparison.sensitivity import check, holds, ratio, record, rows
+from runs.comparison.sensitivity import beside, check, holds, ratio, record, rows
 from runs.display.numbers import Scale
 
 SUBSTRATE = Elastic(50.0, 0.3)
@@ -115,3 +115,23 @@ def test_changes_of_a_linear_force_are_not_said_of_another_one() -> None:
     assert check(found, 1.1).endswith("+ makes T larger")
     assert "T nearly vanishes in the linear model" in check(found)
     assert check({"ball": 1, "exponents": {"h": -2.9, "D": 3.0}}).endswith("+ makes T larger")
+
+
+def test_beside_a_comparison_the_error_is_that_of_the_ball_named() -> None:
+    scene = pair(Load("approach", (0.1, 0.1)))
+    found = {"ball": 1, "exponents": {"h": -2.0}, "poisson": (0.45, 0.46), "change": 0.2}
+    balls = [  # the first has the largest T, at an error of 8 %
+        {"tangential_force": [8.0, 6.0], "tangential_force_error": 0.8},
+        {"tangential_force": [0.0, -5.0], "tangential_force_error": 0.01},
+    ]
+    steps = [{"ball": ball, "strengthening_at_approach": 1.1, "strengthening_at_force": 1.0} for ball in (0, 1)]
+    document = {"sensitivity": found, "comparison": steps, "finite": {"balls": balls}}
+    inputs, caption = beside(document, scene, Scale.of(scene))
+    assert "on ball 1" in caption
+    assert inputs[-1]["input change equal to T's error"] == "\u00b1 0.1 %"
+    steps[1]["strengthening_at_approach"] = 3.0  # where the linear sensitivity does not hold, no input is weighed
+    inputs, caption = beside(document, scene, Scale.of(scene))
+    assert "3 times the linear model's" in caption
+    assert not any("input change equal to T's error" in row for row in inputs)
+    inputs, caption = beside(document | {"sensitivity": {"failure": "no parameter of size"}}, scene, Scale.of(scene))
+    assert caption.endswith("no parameter of size")
