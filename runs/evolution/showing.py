@@ -121,8 +121,9 @@ def _sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
                 spread = f"{number(np.mean(cycles), 3)} ± {number(np.std(cycles, ddof=1), 2)} cycles"
                 span = f"{number(min(cycles), 3)} to {number(max(cycles), 3)}"
                 lines.append(f"{len(cycles)} of {len(members)} members {words} after {spread} ({span})")
-    elif members[0]["cycles_one_group"]:
-        lines.append(f"the balls first form one cluster after {number(members[0]['cycles_one_group'], 3)} cycles")
+    elif cycles := members[0]["cycles_one_group"]:
+        slid = path(cycles * sliding.path_per_cycle)
+        lines.append(f"the balls first form one cluster after {number(cycles, 3)} cycles, {slid} of sliding path")
     return lines
 
 
