@@ -17,7 +17,7 @@ CELLS = 200
 
 
 def plan_of_balls(balls: Sequence[Any], pressure: Callable[[Array, Array], Array] | None = None) -> Any:
-    """Return a figure of numbered balls: contacts as circles of equal area, T as arrows, the largest T in the title.
+    """Return a figure of numbered balls: contacts as circles of their areas, T as arrows, the largest T in the title.
 
     ``balls`` are `BallResult`s. A ``pressure`` [Pa] as a function of surface points [m] is drawn as a map.
     """
@@ -52,7 +52,7 @@ def plan_of_balls(balls: Sequence[Any], pressure: Callable[[Array, Array], Array
             x, y, length * force[:, 0], length * force[:, 1], angles="xy", scale_units="xy", scale=1.0,
             color="tab:red", width=0.006, zorder=3,
         )  # fmt: skip
-        axes.set_title(f"tangential forces, the longest arrow {largest:.3g} N", fontsize="medium")
+        axes.set_title(f"contacts and tangential forces, the longest arrow {largest:.3g} N", fontsize="medium")
     _label(axes, max(right - left, high - low))
     axes.set(xlim=(left, right), ylim=(low, high), aspect="equal")
     return figure

@@ -197,10 +197,7 @@ class Adviser:
         if layer.poisson == 0.5:
             return []
         change = self._changed(dataclasses.replace(self.problem, layer=dataclasses.replace(layer, poisson=0.5)))
-        text = (
-            f"Poisson's ratio: 0.5 instead of {layer.poisson:g} would change T by {percent(change)}, "
-            f"about {percent(change * 0.01 / (0.5 - layer.poisson))} per 0.01"
-        )
+        text = f"Poisson's ratio: 0.5 instead of {layer.poisson:g} would change T by {percent(change)}"
         return [Advice("poisson", True, change, None, self._judged(change), text)]
 
     def _contact_size(self) -> list[Advice]:

@@ -394,5 +394,9 @@ set_up() {
 if [[ ${BASH_SOURCE[0]} == "$0" ]]; then
   set -euo pipefail
   set_up "${1:-run}"
-  say "ready"
+  if [[ ${1:-run} == packages ]]; then
+    say "ready: the Debian packages are installed"
+  else
+    say "ready: the command is $venv/bin/thirdbody, or thirdbody after 'source $venv/bin/activate'"
+  fi
 fi

@@ -199,7 +199,7 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
         out.print(text, style=style, highlight=False, markup=False)
 
     say(document["title"], "bold")
-    for warning in document["warnings"]:
+    for warning in [*document["warnings"], *tables.warnings(document)]:
         say(warning)
     load = scene.problem.load
     unit = scale.units.length if load.kind == "approach" else scale.units.force
@@ -216,8 +216,8 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
     say("not simulated:")
     for effect in document["effects_absent"]:
         say(f"  [{effect}] {EFFECTS[effect].words}: {EFFECTS[effect].without}")
-    for note in document["notes"]:
-        say(f"  note: {note}")
+    for note in tables.notes(document):
+        say(f"  {note}")
     for model in document["models"]:
         say(f"{model['model']}: {model['summary']}", "bold")
         for key, value in model.items():

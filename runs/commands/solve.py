@@ -61,5 +61,8 @@ def _show(session: Session, document: Document) -> None:
     if not periodic:
         tables.say(out, *legend_of_balls(balls, session.scale))
     tables.say(
-        out, *tables.error_lines(balls), *tables.accuracy_lines(document["solved"]), *tables.notes(document["solved"])
+        out,
+        *tables.error_lines(balls),
+        *tables.accuracy_lines(document["solved"], balls),
+        *tables.notes(document["solved"]),
     )

@@ -11,6 +11,7 @@ Row = dict[str, Any]
 LEGEND = "T > 0: towards the other balls (attraction), T < 0: away from them (separation)"
 COMPONENTS = "; Tx, Ty: along x and y"
 OF_SEVERAL = "T / Q of more than two balls: the part of T along the line to the centre of the other balls"
+OF_VECTORS = ", along T linear (|T| ratio: of the lengths; turned: from T linear to T finite, counterclockwise)"
 LARGEST = 3
 """Number of balls with the largest |T| that are named."""
 ROUNDOFF = 1e-9
@@ -28,7 +29,7 @@ def ball_rows(balls: Sequence[Mapping[str, Any]], scale: Scale, *, periodic: boo
     units, rows = scale.units, []
     for index, ball in enumerate(balls):
         force, load = ball["tangential_force"], ball["normal_force"]
-        tx, ty = (component if abs(component) > ROUNDOFF * math.hypot(*force) else 0.0 for component in force)
+        tx, ty = _components(force)
         lengths = {"radius": ball["radius"]} if scale.unlike else {}
         lengths |= {"x": ball["position"][0], "y": ball["position"][1]}
         row: Row = {"ball": index}
@@ -105,6 +106,39 @@ def comparison_rows(
         for row in compared
         if row["ball"] == ball
     ]
+
+
+def compared_ball_rows(compared: Sequence[Mapping[str, Any]], scale: Scale) -> list[Row]:
+    """Return T of both models on every ball at the last step, the ratio of their lengths and the angle between them."""
+    return [_compared_ball(row, scale) for row in compared if row["step"] == compared[-1]["step"]]
+
+
+def _compared_ball(row: Mapping[str, Any], scale: Scale) -> Row:
+    unit, forces = scale.units.force, [_components(row[f"tangential_{model}"]) for model in ("linear", "finite")]
+    errors = [math.nan if (e := row[f"tangential_{model}_error"]) is None else e for model in ("linear", "finite")]
+    (lx, ly), (tx, ty) = forces
+    linear, finite = (math.hypot(*force) for force in forces)
+    ratio: tuple[float | None, float | None] = (None, None)
+    turned = ratio
+    if row["strengthening_at_force"] is not None:
+        angle = math.atan2(lx * ty - ly * tx, lx * tx + ly * ty)
+        shares = [error / size if size else math.inf for error, size in zip(errors, (linear, finite), strict=True)]
+        ratio = (finite / linear, (errors[1] + finite * shares[0]) / linear)
+        turned = (math.degrees(angle), math.degrees(min(math.pi, sum(shares))))
+    return {
+        "ball": row["ball"],
+        unit.heading("|T| linear"): linear / unit.size,
+        unit.heading("|T| finite"): (finite / unit.size, errors[1] / unit.size),
+        "|T| ratio": ratio,
+        "turned [\u00b0]": turned,
+        "S_Q": (row["strengthening_at_force"], row["strengthening_at_force_error"]),
+    }
+
+
+def _components(force: Sequence[float | None] | None) -> list[float]:
+    """Return a force (null in a saved run: not known) without components that are roundoff."""
+    known = [math.nan if component is None else component for component in force or (None, None)]
+    return [0.0 if abs(component) <= ROUNDOFF * math.hypot(*known) else component for component in known]
 
 
 def _load(approach: float, load: float, scale: Scale, *, both: bool = True) -> Row:

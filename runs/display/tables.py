@@ -15,7 +15,7 @@ from rich.text import Text
 from linear_bem.counts import grouped
 from linear_bem.depth import LARGE_STRAIN
 from runs.display.numbers import Scale, error_terms, number, short_number, with_error, with_error_in_parentheses
-from runs.display.rows import OVER_E, OVER_R, Row, ball_rows, comparison_rows, path_rows
+from runs.display.rows import OVER_E, OVER_R, Row, ball_rows, compared_ball_rows, comparison_rows, path_rows
 from runs.process import ranks
 from runs.scene.unit_doubts import NO_UNIT, SOFT
 
@@ -101,6 +101,13 @@ def show_comparison(
     _show(out, f"ball {ball}: finite against small strain", rows, COMPARED, scale)
 
 
+def show_compared_balls(out: Console, compared: Sequence[Mapping[str, Any]], scale: Scale) -> None:
+    """Print T of both models on every ball at full load; of very many balls only a file has them."""
+    rows = compared_ball_rows(compared, scale)
+    if len(rows) <= MANY:
+        _show(out, "all balls at full load, at equal normal force", rows, COMPARED | {"turned": 3}, scale)
+
+
 def _show(out: Console, title: str, rows: Sequence[Row], digits: Mapping[str, int], scale: Scale) -> None:
     compact = is_narrow(out)
     if compact and not scale.dimensionless:
@@ -154,7 +161,7 @@ def error_lines(balls: Sequence[Mapping[str, Any]]) -> list[str]:
     return [f"estimated errors: {known}"] if known else []
 
 
-def accuracy_lines(solved: Mapping[str, Any]) -> list[str]:
+def accuracy_lines(solved: Mapping[str, Any], balls: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return the error of T at full load (of Q or D where there is no T), its terms, and the meshes used."""
     accuracy = solved.get("accuracy") or {}
     terms = error_terms(accuracy)
@@ -165,6 +172,8 @@ def accuracy_lines(solved: Mapping[str, Any]) -> list[str]:
     symbol = {"the normal force": "Q", "the approach": "D"}.get(what, "T")
     error = f"{100.0 * accuracy['reached']:.2g} %"
     known = f"{symbol} is known to {error} at full load"
+    if symbol == "T" and len(balls) > 2:
+        known = f"T on every ball is known to {error} of the largest T at full load"
     if symbol == "T" and what != LARGEST_T:
         known = f"at full load the error of T is {error} of {what} (T itself is smaller)"
     return [f"{known}: {terms}", f"meshes: {meshes}"]

@@ -98,12 +98,12 @@ def quantity(value: object, unit: str) -> float:
         power = ", powers are written with ^" if re.search(r"[A-Za-z]\d$", name) else ""
         alike = (each for each in COMMON if _units().is_compatible_with(each, unit))
         meant = next((each for each in alike if each.lower() == name.lower()), None)
-        power = f', did you mean "{meant}"?' if meant else power
+        power = f' (did you mean "{meant}"?)' if meant else power
         raise fault(f'must be {kind}, such as "{example}": "{name}" is not a unit{power}') from error
     if not matches:
         together = name.replace(" ", "")
         if together != name and together in COMMON and _units().is_compatible_with(together, unit):
-            raise fault(f'must be {kind}, such as "{example}": "{name}" is not a unit, did you mean "{together}"?')
+            raise fault(f'must be {kind}, such as "{example}": "{name}" is not a unit (did you mean "{together}"?)')
         raise fault(f'must be {kind}, such as "{example}": "{name}" is {_dimension(given)}')
     converted = float((plain * given).to(unit).magnitude)
     if math.isinf(converted) and "inf" not in match["number"]:

@@ -10,6 +10,7 @@ import pytest
 from runs.comparison.linear_states import accuracy_beside
 from runs.comparison.strengthening_factors import answer, compare_steps, strengthening
 from runs.display.numbers import Scale, attraction, percent, short_number, with_error, with_error_in_parentheses
+from runs.display.rows import compared_ball_rows
 
 SCALE = Scale(1.0, 1.0)
 
@@ -33,6 +34,23 @@ def test_the_factor_is_signed_along_the_linear_force() -> None:
     assert strengthening(ball(0, (3.0, 0.0)), ball(0, (2.0, 0.0)))[0] == pytest.approx(1.5)
     assert strengthening(ball(0, (-3.0, 0.0)), ball(0, (2.0, 0.0)))[0] == pytest.approx(-1.5)
     assert strengthening(ball(0, (1.0, 5.0)), ball(0, (0.0, 2.0)))[0] == pytest.approx(2.5)
+
+
+def test_every_ball_of_three_is_listed_with_the_turn_of_its_force() -> None:
+    linear, finite = ((2.0, 0.0), (0.0, 0.0), (0.0, -1.0)), ((0.0, 3.0), (1e-12, 1.0), (1.0, -1.0))
+    states = [[step(*(ball(x - 1.0, f, 0.1) for x, f in enumerate(forces)))] for forces in (finite, linear, linear)]
+    rows = compared_ball_rows(compare_steps(*states), SCALE)
+    assert [row["ball"] for row in rows] == [0, 1, 2]
+    # errors: 0.1 of forces of 2 and 3
+    assert rows[0]["turned [\u00b0]"] == pytest.approx((90.0, math.degrees(0.1 / 2.0 + 0.1 / 3.0)))
+    assert rows[0]["|T| ratio"] == pytest.approx((1.5, 1.5 * (0.1 / 2.0 + 0.1 / 3.0)))
+    assert rows[0]["S_Q"][0] == 0.0
+    assert rows[1]["|T| finite / E R\u00b2"] == (1.0, 0.1)
+    assert rows[1]["|T| ratio"] == rows[1]["turned [\u00b0]"] == (None, None)  # no force in the linear model
+    assert rows[2]["turned [\u00b0]"][0] == pytest.approx(45.0)
+    assert rows[2]["|T| ratio"][0] == pytest.approx(math.sqrt(2.0))
+    unknown = {**compare_steps(*states)[0], "tangential_linear": [None, None], "strengthening_at_force": None}
+    assert math.isnan(compared_ball_rows([unknown], SCALE)[0]["|T| linear / E R\u00b2"])
 
 
 def test_relative_errors_of_both_models_add() -> None:

@@ -10,6 +10,7 @@ import pytest
 from rich.console import Console
 
 from linear_bem.result import BallResult, Result, Solved
+from runs.commands.plan import plan_scene
 from runs.display import plan_words, tables
 from runs.display.numbers import Scale, bodies
 from runs.display.rows import ball_rows, legend_of_balls
@@ -62,6 +63,14 @@ def test_a_modulus_without_its_unit_beside_lengths_with_theirs_is_noted(tmp_path
     for written, bare in (('"3 mm"', "3"), ('["2.5 mm", "4 mm"]', "[1, 4]"), ('"-4 mm"', "-4"), ('"4 mm"', "4")):
         plain = plain.replace(written, bare)
     assert choose(scene(tmp_path, plain.replace('"500 mN"', "1")))[2] == ()
+
+
+def test_a_plan_doubts_units_before_all_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    soft = scene(tmp_path, SCENE.replace('"57.4 kPa"', '"57.4 mPa"').replace('"500 mN"', '"0.1 uN"'))
+    plan_scene(soft, None, as_json=False, advises=False)
+    first, second = capsys.readouterr().out.splitlines()[:2]
+    assert first.startswith("unlike")
+    assert second == "warning: [layer] young: 0.0574 Pa is softer than foam and rubber; did you mean kPa or MPa?"
 
 
 def test_lengths_without_a_unit_beside_others_with_theirs_are_noted(tmp_path: Path) -> None:
