@@ -205,8 +205,9 @@ class _Refined:
         shares = [float(np.max(self.errors[k][touching] / values[k][touching])) for k in ("normal_force", "approach")]
         if self.reached <= wanted and max(shares) <= _enough(wanted):
             return ()
-        vanishes = math.inf > reference_force(self.contacts) > float(np.max(np.abs(self.contacts.mutual_force)))
-        size = "1e-4 of T on a half-space, as T nearly vanishes" if vanishes else "its size"
+        reference = reference_force(self.contacts)
+        vanishes = math.inf > reference > float(np.max(np.abs(self.contacts.mutual_force)))
+        size = f"{reference:.1e} N, as T nearly vanishes" if vanishes else "its size"
         return (
             f"{limit} reached: the error of T is {self.reached:.1e} of {size}, {wanted:.1e} was asked for, that of "
             f"forces and approaches {max(shares):.1e}, {_enough(wanted):.1e} was asked for",

@@ -395,8 +395,8 @@ if [[ ${BASH_SOURCE[0]} == "$0" ]]; then
   set -euo pipefail
   set_up "${1:-run}"
   if [[ ${1:-run} == packages ]]; then
-    say "ready: the Debian packages are installed"
+    say "ready"
   else
-    say "ready: the command is $venv/bin/thirdbody, or thirdbody after 'source $venv/bin/activate'"
+    say "ready: the command is $venv/bin/thirdbody, or thirdbody after: source $(printf %q "$venv/bin/activate")"
   fi
 fi

@@ -8,7 +8,7 @@ from runs.comparison.linear_states import LinearStates
 from runs.comparison.strengthening_factors import answer, compare_steps
 from runs.display import figures, tables
 from runs.display.numbers import leading_ball
-from runs.display.rows import LEGEND, OF_VECTORS
+from runs.display.rows import LEGEND, OF_VECTORS, compared_ball_rows, may_turn
 from runs.process import ranks
 from runs.process.files import write_csv
 from runs.process.json_values import Document, as_given
@@ -79,8 +79,10 @@ def _show(session: Session, document: Document) -> None:
     linear = {**linear, "notes": [note for note in linear["notes"] if not note.startswith(LARGE_STRAIN)]}  # seen below
     tables.say(out, *tables.warnings(finite, linear))
     tables.show_comparison(out, rows, balls, leading, session.scale)
-    if len(balls) > 2:
-        tables.show_compared_balls(out, rows, session.scale)
+    of_balls = compared_ball_rows(rows, session.scale)
+    are_vectors = may_turn(of_balls)
+    if are_vectors:
+        tables.show_compared_balls(out, of_balls, session.scale)
     if len(balls) > 1:
         mark = "digits in parentheses" if tables.is_narrow(out) else "\u00b1"
         tables.say(
@@ -88,7 +90,7 @@ def _show(session: Session, document: Document) -> None:
             f"{LEGEND}",
             session.scale.legend(),
             "S_Q, S_D: T finite over T linear at the same normal force (the T linear shown) and at the same approach"
-            f"{OF_VECTORS if len(balls) > 2 else ''}; "
+            f"{OF_VECTORS if are_vectors else ''}; "
             f"{mark}: both models' own error estimates, added; at the same force without that due to the error of Q",
         )
     known = tables.error_lines([balls[leading]]) if len(balls) > 1 else []  # of a single ball the next line says it

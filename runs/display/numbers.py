@@ -137,7 +137,8 @@ def _to_the_place_of_the_error(value: float | None, error: float | None) -> tupl
     power = exponent if not -3 <= exponent < 4 else 0
     place = math.floor(math.log10(error)) - power
     digits = max(0, -place + (1 if error / 10.0 ** (place + power) < 3.0 else 0))
-    return value / 10.0**power, error / 10.0**power, digits, power
+    mantissa = round(value / 10.0**power, digits) + 0.0  # no -0.0
+    return mantissa, error / 10.0**power, digits, power
 
 
 def number(value: float | None, digits: int = 4) -> str:

@@ -16,7 +16,7 @@ LARGEST = 3
 """Number of balls with the largest |T| that are named."""
 ROUNDOFF = 1e-9
 """A component below this fraction of its force is roundoff."""
-RATIO, SIZE_RATIO = "T / Q", "|T| / Q"
+RATIO, SIZE_RATIO, TURNED = "T / Q", "|T| / Q", "turned [\u00b0]"
 OVER_R, OVER_E = "D / R", "Q / E R²"
 """Headings of the dimensionless columns, which need a wide table."""
 
@@ -109,28 +109,37 @@ def comparison_rows(
 
 
 def compared_ball_rows(compared: Sequence[Mapping[str, Any]], scale: Scale) -> list[Row]:
-    """Return T of both models on every ball at the last step, the ratio of their lengths and the angle between them."""
+    """Return T of both models on every ball at the last step, the ratio of their lengths and the angle between them.
+
+    The errors of ratio and angle are those at the same normal force, as that of S_Q.
+    """
     return [_compared_ball(row, scale) for row in compared if row["step"] == compared[-1]["step"]]
+
+
+def may_turn(rows: Sequence[Row]) -> bool:
+    """Whether T of both models differ in direction: that of more than two balls, or by more than the error."""
+    return len(rows) > 2 or any(angle is not None and abs(angle) > error for angle, error in (r[TURNED] for r in rows))
 
 
 def _compared_ball(row: Mapping[str, Any], scale: Scale) -> Row:
     unit, forces = scale.units.force, [_components(row[f"tangential_{model}"]) for model in ("linear", "finite")]
-    errors = [math.nan if (e := row[f"tangential_{model}_error"]) is None else e for model in ("linear", "finite")]
     (lx, ly), (tx, ty) = forces
     linear, finite = (math.hypot(*force) for force in forces)
     ratio: tuple[float | None, float | None] = (None, None)
     turned = ratio
     if row["strengthening_at_force"] is not None:
         angle = math.atan2(lx * ty - ly * tx, lx * tx + ly * ty)
-        shares = [error / size if size else math.inf for error, size in zip(errors, (linear, finite), strict=True)]
-        ratio = (finite / linear, (errors[1] + finite * shares[0]) / linear)
+        error, factor = row["tangential_linear_error"], row["strengthening_at_force"]
+        own = row["strengthening_at_force_error"] * linear - abs(factor) * error  # at the same force
+        shares = [error / linear, own / finite if finite else math.inf]
+        ratio = (finite / linear, (own + finite * shares[0]) / linear)
         turned = (math.degrees(angle), math.degrees(min(math.pi, sum(shares))))
     return {
         "ball": row["ball"],
-        unit.heading("|T| linear"): linear / unit.size,
-        unit.heading("|T| finite"): (finite / unit.size, errors[1] / unit.size),
+        unit.heading("|T| linear"): None if math.isnan(linear) else linear / unit.size,
+        unit.heading("|T| finite"): (finite / unit.size, row["tangential_finite_error"] / unit.size),
         "|T| ratio": ratio,
-        "turned [\u00b0]": turned,
+        TURNED: turned,
         "S_Q": (row["strengthening_at_force"], row["strengthening_at_force_error"]),
     }
 

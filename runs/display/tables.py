@@ -15,7 +15,7 @@ from rich.text import Text
 from linear_bem.counts import grouped
 from linear_bem.depth import LARGE_STRAIN
 from runs.display.numbers import Scale, error_terms, number, short_number, with_error, with_error_in_parentheses
-from runs.display.rows import OVER_E, OVER_R, Row, ball_rows, compared_ball_rows, comparison_rows, path_rows
+from runs.display.rows import OVER_E, OVER_R, Row, ball_rows, comparison_rows, path_rows
 from runs.process import ranks
 from runs.scene.unit_doubts import NO_UNIT, SOFT
 
@@ -101,11 +101,14 @@ def show_comparison(
     _show(out, f"ball {ball}: finite against small strain", rows, COMPARED, scale)
 
 
-def show_compared_balls(out: Console, compared: Sequence[Mapping[str, Any]], scale: Scale) -> None:
-    """Print T of both models on every ball at full load; of very many balls only a file has them."""
-    rows = compared_ball_rows(compared, scale)
-    if len(rows) <= MANY:
-        _show(out, "all balls at full load, at equal normal force", rows, COMPARED | {"turned": 3}, scale)
+def show_compared_balls(out: Console, rows: Sequence[Row], scale: Scale) -> None:
+    """Print T of both models at full load on all balls, or of very many balls on those with the largest T."""
+    title = "all balls at full load, at equal normal force"
+    if len(rows) > MANY:
+        finite = scale.units.force.heading("|T| finite")
+        rows = sorted(rows, key=lambda row: -row[finite][0])[:SHOWN]
+        title = f"the {SHOWN} balls with the largest T at full load, at equal normal force; steps.csv has T on all"
+    _show(out, title, rows, COMPARED, scale)
 
 
 def _show(out: Console, title: str, rows: Sequence[Row], digits: Mapping[str, int], scale: Scale) -> None:

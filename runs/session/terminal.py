@@ -34,6 +34,7 @@ class Bar:
         from rich.console import Console  # noqa: PLC0415  (only on a terminal)
         from rich.progress import BarColumn, ProgressColumn, TextColumn  # noqa: PLC0415
         from rich.progress import Progress as RichProgress  # noqa: PLC0415
+        from rich.table import Column  # noqa: PLC0415
         from rich.text import Text  # noqa: PLC0415
 
         class Times(ProgressColumn):
@@ -41,9 +42,9 @@ class Bar:
                 left = clock.left
                 return Text(duration(clock.elapsed) + (f", about {duration(left)} left" if left else ""))
 
-        words = TextColumn("{task.description}", markup=False)
+        words, times = TextColumn("{task.description}", markup=False), Times(Column(no_wrap=True))
         self.bar = RichProgress(
-            words, BarColumn(), Times(), console=Console(stderr=True), transient=True, refresh_per_second=2
+            words, BarColumn(), times, console=Console(stderr=True), transient=True, refresh_per_second=2
         )
         self._clock, self._task = clock, self.bar.add_task("starting", total=1.0)
 

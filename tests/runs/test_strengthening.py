@@ -10,7 +10,7 @@ import pytest
 from runs.comparison.linear_states import accuracy_beside
 from runs.comparison.strengthening_factors import answer, compare_steps, strengthening
 from runs.display.numbers import Scale, attraction, percent, short_number, with_error, with_error_in_parentheses
-from runs.display.rows import compared_ball_rows
+from runs.display.rows import compared_ball_rows, may_turn
 
 SCALE = Scale(1.0, 1.0)
 
@@ -50,7 +50,23 @@ def test_every_ball_of_three_is_listed_with_the_turn_of_its_force() -> None:
     assert rows[2]["turned [\u00b0]"][0] == pytest.approx(45.0)
     assert rows[2]["|T| ratio"][0] == pytest.approx(math.sqrt(2.0))
     unknown = {**compare_steps(*states)[0], "tangential_linear": [None, None], "strengthening_at_force": None}
-    assert math.isnan(compared_ball_rows([unknown], SCALE)[0]["|T| linear / E R\u00b2"])
+    assert compared_ball_rows([unknown], SCALE)[0]["|T| linear / E R\u00b2"] is None
+
+
+def test_the_ratio_of_lengths_is_as_certain_as_the_factor_at_the_same_force() -> None:
+    finite, linear = step(ball(0.0, (3.0, 0.0), 0.3)), step(ball(0.0, (2.0, 0.0), 0.02))
+    finite["record"]["tangential_force_error_at_force"] = [0.03]
+    (row,) = compared_ball_rows(compare_steps([finite], [linear], [linear]), SCALE)
+    assert row["|T| ratio"] == pytest.approx((1.5, 0.015 + 1.5 * 0.01))
+    assert row["S_Q"] == pytest.approx(row["|T| ratio"])
+
+
+def test_two_balls_are_listed_only_if_a_force_turns_beyond_its_error() -> None:
+    def of_pair(y: float) -> bool:
+        finite, linear = (step(ball(-1.0, (2.0, v), 0.1), ball(1.0, (-2.0, -v), 0.1)) for v in (y, 0.0))
+        return may_turn(compared_ball_rows(compare_steps([finite], [linear], [linear]), SCALE))
+
+    assert [of_pair(y) for y in (0.0, 0.1, 0.4)] == [False, False, True]
 
 
 def test_relative_errors_of_both_models_add() -> None:
