@@ -62,6 +62,16 @@ def reference_force(contacts: Contacts) -> float:
     return max(largest, 1e-4 * float(np.max(pulls(contacts))), 1e-12 * float(np.max(contacts.normal_forces)))
 
 
+def unreached(limit: str, contacts: Contacts, of_forces: tuple[float, float], of_others: tuple[float, float]) -> str:
+    """Return a note on errors, each reached and asked for, of T and of forces and approaches; ``limit`` ended it."""
+    reference, largest = reference_force(contacts), float(np.max(np.abs(contacts.mutual_force)))
+    size = f"{reference:.1e} N, as T nearly vanishes" if math.inf > reference > largest else "its size"
+    return (
+        f"{limit} reached: the error of T is {of_forces[0]:.1e} of {size}, {of_forces[1]:.1e} was asked for, that of "
+        f"forces and approaches {of_others[0]:.1e}, {of_others[1]:.1e} was asked for"
+    )
+
+
 def least_error(contacts: Contacts) -> Array:
     """Return the error of T [N] on every ball from the kernel's table and the solver's tolerance."""
     thickness, contrast = contacts.kernel.thickness, 1.0 + contacts.kernel.far_ratio

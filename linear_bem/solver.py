@@ -25,6 +25,7 @@ from linear_bem.error_estimate import (
     reference_force,
     route_difference,
     small_force_note,
+    unreached,
 )
 from linear_bem.errors import InvalidProblem, NotConverged, UnsupportedProblem
 from linear_bem.grid.contacts import GridContacts, grid_levels
@@ -205,13 +206,7 @@ class _Refined:
         shares = [float(np.max(self.errors[k][touching] / values[k][touching])) for k in ("normal_force", "approach")]
         if self.reached <= wanted and max(shares) <= _enough(wanted):
             return ()
-        reference = reference_force(self.contacts)
-        vanishes = math.inf > reference > float(np.max(np.abs(self.contacts.mutual_force)))
-        size = f"{reference:.1e} N, as T nearly vanishes" if vanishes else "its size"
-        return (
-            f"{limit} reached: the error of T is {self.reached:.1e} of {size}, {wanted:.1e} was asked for, that of "
-            f"forces and approaches {max(shares):.1e}, {_enough(wanted):.1e} was asked for",
-        )
+        return (unreached(limit, self.contacts, (self.reached, wanted), (max(shares), _enough(wanted))),)
 
 
 def _by_polynomials(

@@ -1,16 +1,15 @@
 """Largest contact pressure and penetration under each ball.
 
-Inside elements the pressure oscillates as the gap closes; its mean over the hat function of a vertex does not.
+The pressure is a mean over the hat function of a vertex: at points it oscillates (`MeanPressure`).
 """
 
 import numpy as np
-import ufl
 from mpi4py import MPI
 
 from finite_strain import compat
-from finite_strain.discretisation.discrete_model import Model, assembled
+from finite_strain.discretisation.discrete_model import Model
+from finite_strain.discretisation.mean_pressure import MeanPressure
 from finite_strain.discretisation.nodal_values import lattice_of, on_top
-from finite_strain.discretisation.regions import constant
 
 
 class Extremes:
@@ -25,11 +24,7 @@ class Extremes:
         self._is_top = on_top(model.space, model.facet_tags)[dofs]
         nodes = lattice_of(dofs.shape[1]).points
         self._values = compat.compile_expression(model.contact.penetration(), nodes, model.comm)
-        hat, measure = ufl.TestFunction(model.linear_space), model.contact.measure
-        self._asked = constant(model.mesh, 0.0)
-        averaged = ufl.conditional(ufl.gt(self._asked, 0), model.contact_pressure_expression, 1)
-        self._form = compat.compile_form(averaged * hat * measure, model.comm)
-        self._work = compat.ghosted_vector(self._form, model.linear_space)
+        self._pressure = MeanPressure(model, model.linear_space)
         points = model.linear_space.tabulate_dof_coordinates()[: model.linear_space.dofmap.index_map.size_local]
         axes = np.array([ball.position for ball in model.contact.balls])
         self._nearest = np.linalg.norm(points[:, None, :2] - axes[None], axis=-1).argmin(axis=1)
@@ -39,12 +34,6 @@ class Extremes:
         values = compat.evaluate(self._values, self.model.mesh, self._cells, (1,))
         answer = np.zeros((len(self.model.contact.balls), 2))
         np.maximum.at(answer[:, 1], self._balls, np.where(self._is_top, values[:, :, 0], 0.0).max(axis=1))
-        moment, weight = (self._assembled(asked) for asked in (1.0, 0.0))
-        mean = np.divide(moment, weight, out=np.zeros_like(moment), where=weight > 0.0)
-        np.maximum.at(answer[:, 0], self._nearest, mean)
+        np.maximum.at(answer[:, 0], self._nearest, self._pressure())
         self.model.comm.Allreduce(MPI.IN_PLACE, answer, op=MPI.MAX)  # in lower case it compares whole arrays
         return answer
-
-    def _assembled(self, asked: float) -> np.ndarray:
-        self._asked.value = asked
-        return assembled(self._work, [self._form])

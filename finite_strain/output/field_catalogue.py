@@ -33,8 +33,8 @@ CATALOGUE = {
     ),
     "contact_pressure": Field(
         "Pa", "Scalar", (),
-        "contact pressure per deformed area; at nodes of the top the average over the cells that share the node, zero "
-        "below",
+        "contact pressure per deformed area; at nodes of the top the mean over the node's test function (nodal force "
+        "over nodal area), zero below; without the correction by small strain",
     ),
     "gap": Field(
         "m", "Scalar", (),

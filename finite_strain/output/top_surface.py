@@ -6,7 +6,8 @@ import numpy as np
 
 from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model
-from finite_strain.discretisation.nodal_values import CellNodes, on_top
+from finite_strain.discretisation.mean_pressure import MeanPressure
+from finite_strain.discretisation.nodal_values import CellNodes, element_of, on_top
 from finite_strain.geometry.symmetry import Reduction
 
 
@@ -30,13 +31,16 @@ class TopSurface:
         self._cells, face = np.nonzero(self._is_top[self.nodes.dofs[:, lattice.faces]].all(axis=2))
         pieces = self.nodes.dofs[self._cells[:, None, None], lattice.pieces[face]]
         self._pieces = pieces.reshape(-1, pieces.shape[2])
-        self._pressure = compat.compile_expression(model.contact_pressure_expression, lattice.points, model.comm)
+        order = lattice.order if lattice.faces.shape[1] == (lattice.order + 1) ** 2 else 1
+        self._means = MeanPressure(model, compat.function_space(model.mesh, order))
+        self._dofs = compat.cell_dofs(self._means.space)[self._cells]
+        self._shapes = element_of(self._dofs.shape[1]).tabulate(0, lattice.points)[0, :, :, 0]
 
     def pressure(self) -> np.ndarray:
         """Return the contact pressure [Pa] per deformed area at this rank's nodes; zero below the top."""
-        cells = self._cells.astype(np.int32)
-        values = compat.evaluate(self._pressure, self.model.mesh, cells, (1,))
-        return np.where(self._is_top, self.nodes.averaged([(cells, values)])[:, 0], 0.0)
+        values = self._means.function().x.array[self._dofs] @ self._shapes.T
+        averaged = self.nodes.averaged([(self._cells.astype(np.int32), values[:, :, None])])[:, 0]
+        return np.where(self._is_top, np.maximum(averaged, 0.0), 0.0)
 
     def gathered(self) -> SurfaceFields | None:
         """Return the whole scene's deformed top on rank 0, completed by symmetry; None elsewhere."""

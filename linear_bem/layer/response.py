@@ -28,6 +28,8 @@ UNITY, SPAN = 1e-10, 15.0
 """Largest |G - 1| that counts as 0, and the t from which a layer's G is that close to 1."""
 SMALL, ROUNDOFF = 0.1, 1e-9
 """Largest argument and largest |G| at which a response that is not positive is attributed to roundoff."""
+JUMP = 1e-4
+"""Largest relative difference between a user's response and the spline through its samples."""
 FIRST, LAST = 1e-6, 2.0**14
 """Range of arguments in which a user's response is sampled."""
 
@@ -100,6 +102,7 @@ class MeasuredResponse:
         self.thickness = medium.thickness / self._unit
         self._end = np.log(last)
         self._spline = PPoly.from_spline(make_interp_spline(log_t, values, k=5))
+        self._require_no_jump(log_t, values)
         self._first, second = (float(v) for v in self._asked(np.array([FIRST, 2.0 * FIRST])))
         self._power = float(np.log2(second / self._first))
         self.at_zero = self._far_ratio(second)
@@ -108,6 +111,18 @@ class MeasuredResponse:
         self.smallest_scale = min(1.0, max(scale / self._unit, self.at_zero if np.any(away) else 1.0, 1e-9))
         if self.at_zero == 0.0:
             self.smallest_scale = 1e-9
+
+    def _require_no_jump(self, log_t: Array, values: Array) -> None:
+        """Raise `InvalidProblem` if G between the samples is not what the spline says."""
+        between = 0.5 * (log_t[1:] + log_t[:-1])
+        size = np.maximum(np.maximum(values[1:], values[:-1]), ROUNDOFF)
+        off = np.abs(self._spline(between) - self._asked(np.exp(between))) / size
+        at = int(np.argmax(off))
+        if off[at] > JUMP:
+            raise InvalidProblem(
+                f"layer.response: must be continuous, got {values[at]:.6g} at {np.exp(log_t[at]):.6g} and "
+                f"{values[at + 1]:.6g} at {np.exp(log_t[at + 1]):.6g}; join a table smoothly to its limits"
+            )
 
     def _asked(self, t: Array) -> Array:
         """Return the user's G; raises `InvalidProblem` if it is not a positive number."""

@@ -11,6 +11,10 @@ from linear_bem.arrays import Array
 from linear_bem.smooth.polynomials import basis, circle
 from linear_bem.smooth.zone_stack import ZoneStack
 
+INSIDE, BEYOND = 0.7, 1.001
+"""Distance from the centre, in the frame, below which all points are inside; least distance over that of the edge from
+which all are outside."""
+
 
 @dataclass(frozen=True)
 class Zone:
@@ -58,8 +62,13 @@ class Zone:
     def pressure(self, x: Array, y: Array) -> Array:
         """Return p at surface points [m], zero outside the contact."""
         xi, eta = self.frame(np.asarray(x, float), np.asarray(y, float))
-        inside = self.squared_pressure(xi, eta) * (xi**2 + eta**2 < 1.7)
-        return np.sqrt(np.maximum(inside, 0.0))
+        squared, distance = np.array(np.maximum(self.squared_pressure(xi, eta), 0.0)), np.hypot(xi, eta)
+        doubtful = np.flatnonzero((squared > 0.0) & (distance > INSIDE))  # P of high degree is positive outside, too
+        if doubtful.size:
+            r = distance.flat[doubtful]
+            edge = self.edge(np.zeros_like(r), np.zeros_like(r), xi.flat[doubtful] / r, eta.flat[doubtful] / r)
+            squared.flat[doubtful[r > BEYOND * edge]] = 0.0
+        return np.sqrt(squared)
 
     def edge(self, xi: Array, eta: Array, cos: Array, sin: Array) -> Array:
         """Return the distance (frame units) from interior points along unit directions to the edge."""

@@ -50,9 +50,10 @@ class BallsTable(Table):
     slope: Angles | None = None
     """Angle between a cone's flank and the undeformed surface."""
     tip_radius: Lengths | None = None
-    """Radius of a cone's rounded tip, greater than 0."""
+    """Radius of curvature at the apex of a cone's rounded tip, greater than 0: the cone is the hyperboloid of height
+    sqrt(s^2 r^2 + t^2) - t, s = tan(slope), t = s^2 tip_radius. A spherical cap on the flank is another body."""
     edge_radius: Lengths | None = None
-    """Radius of a punch's rounded edge."""
+    """Radius of a punch's edge, rounded by a quarter circle; ``radius`` is that of the cylinder, edge included."""
 
     @property
     def shapes(self) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ import dolfinx
 import gmsh
 from dolfinx.mesh import CellType, create_box, locate_entities_boundary, meshtags
 from mpi4py import MPI
+from scipy.spatial import Delaunay
 
 import finite_strain
 from finite_strain import TAGS, compat
@@ -120,6 +121,13 @@ def test_a_mesh_without_blocks_meets_the_boundary_element_model(
     assert abs(ball.tangential_force[0] - exact.tangential_force[0]) < skew * scale
     assert isinstance(mesh, dolfinx.mesh.Mesh)
     corners = step.points[step.cells]
+    top = np.isclose(step.points[:, 2], 0.0)
+    triangles = Delaunay(step.points[top, :2])
+    places = triangles.points[triangles.simplices]
+    areas = 0.5 * np.abs(np.linalg.det(places[:, 1:] - places[:, :1]))
+    carried = np.sum(areas * step.fields["contact_pressure"][top][triangles.simplices].mean(axis=1))
+    # the pressure linear between nodes; on tetrahedra of the mean of hat functions
+    assert carried == relatively(2.0 * ball.normal_force, 0.05)
     if kind == CellType.tetrahedron:
         volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0
         assert volumes.min() > 0.0  # of the mirror images, too

@@ -5,6 +5,7 @@ import pytest
 
 from linear_bem import (
     Ball,
+    Cone,
     Elastic,
     InvalidProblem,
     Layer,
@@ -33,6 +34,18 @@ def hertz():
 def unlike():
     balls = (Ball((-1.1, 0.0), 1.0, "paraboloid"), Ball((1.1, 0.4), 0.8, "paraboloid"))
     return solve_contact(Problem(Layer(1.0, 0.45, 0.6), balls, Load("approach", (0.02, 0.03)), Elastic(5.0, 0.2)), 1e-6)
+
+
+def test_pressure_acts_only_inside_the_outline():
+    """P, the square of the pressure, of a high degree is positive again in a ring outside the contact of this cone."""
+    cone = Ball((0.0, 0.0), shape=Cone(np.radians(20.0), 0.5))
+    pressed = solve_contact(Problem(Layer(1.0, 0.3, 1.0), (cone,), Load("approach", (0.1,))))
+    radius = np.sqrt(pressed.contacts.contact_areas[0] / np.pi)
+    x, y = np.meshgrid(*[np.linspace(-2.0 * radius, 2.0 * radius, 201)] * 2)
+    pressure, r = pressed.pressure(x, y), np.hypot(x, y)
+    assert np.all(pressure[r > 1.001 * radius] == 0.0)
+    assert np.all(pressure[r < 0.999 * radius] > 0.0)
+    assert pressure.sum() * (x[0, 1] - x[0, 0]) ** 2 == pytest.approx(pressed.contacts.normal_forces[0], rel=1e-3)
 
 
 def test_displacement_is_hertz_inside_and_outside_the_contact(hertz):

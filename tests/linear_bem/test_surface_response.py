@@ -182,6 +182,10 @@ def test_an_auxetic_layer_on_a_rigid_base_has_the_thin_limit():
             r"got -0\.003\d* at 0\.69: not positive at \d+ of \d+ arguments between 1e-06 and 0\.69$",
         ),
         (lambda t: 1.0, r"an array of shape"),
+        (
+            lambda t: np.where(t < 3.0, 0.8 * np.tanh(t), 1.0),
+            r"must be continuous, got 0\.79\d* at 2\.99\d* and 1 at 3",
+        ),
     ],
 )
 def test_what_is_no_response_of_a_surface_is_refused(response, words):

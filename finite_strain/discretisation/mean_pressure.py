@@ -1,0 +1,44 @@
+"""The contact pressure as means over the test functions of a space on the top.
+
+Its values at points oscillate inside the elements, as equilibrium determines only its integrals with the displacement's
+test functions. Over such a function's integral they are nodal forces over nodal areas: on hexahedra, whose nodes are
+those of Gauss-Lobatto's rule, with the weights of that rule, which are positive and accurate to the order of the
+element. On triangles of higher order they are not positive; hat functions of the vertices serve there.
+"""
+
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+
+from finite_strain import compat
+from finite_strain.discretisation.discrete_model import Model, assembled
+from finite_strain.discretisation.regions import constant
+
+
+class MeanPressure:
+    """Means of the contact pressure per deformed area over the test functions of a scalar Lagrange space."""
+
+    def __init__(self, model: Model, space: Any) -> None:
+        self.space = space
+        self._asked = constant(model.mesh, 0.0)
+        value = ufl.conditional(ufl.gt(self._asked, 0), model.contact_pressure_expression, 1)
+        self._form = compat.compile_form(value * ufl.TestFunction(space) * model.contact.measure, model.comm)
+        self._work = compat.ghosted_vector(self._form, space)
+
+    def __call__(self) -> np.ndarray:
+        """Return the means [Pa] at this rank's own nodes, zero where no facet may touch a ball (collective)."""
+        moment, weight = (self._assembled(asked) for asked in (1.0, 0.0))
+        return np.divide(moment, weight, out=np.zeros_like(moment), where=weight > 0.0)
+
+    def function(self) -> Any:
+        """Return the means as a function of the space, ghosts included (collective)."""
+        means, answer = self(), dolfinx.fem.Function(self.space)
+        answer.x.array[: len(means)] = means
+        answer.x.scatter_forward()
+        return answer
+
+    def _assembled(self, asked: float) -> np.ndarray:
+        self._asked.value = asked
+        return assembled(self._work, [self._form])

@@ -1,0 +1,57 @@
+"""The written contact pressure: at every node of the top near the exact one, and as heavy as the balls' loads."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from finite_strain.output.top_surface import TopSurface
+from linear_bem import Cone, Problem, solve_contact
+from tests.finite_strain.scenes import (
+    CUBIC,
+    QUADRATIC,
+    Rig,
+    at_small_strain,
+    coarse_plan,
+    coarse_rig,
+    pair,
+    single,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from finite_strain.planning.records import Discretisation
+
+SCENES = {
+    "balls": pair(0.1, poisson=0.3, shape="paraboloid"),
+    "incompressible": pair(0.1, poisson=0.5, shape="paraboloid"),
+    "cone": single(0.1, poisson=0.3, shape=Cone(math.radians(20.0), 0.5)),
+}
+
+
+def augmented(problem: Problem, folder: Path, level: Discretisation) -> Rig:
+    """Return a small-strain model in equilibrium with multipliers, as that of a run."""
+    rig = coarse_rig(coarse_plan(problem, "small_strain", extent=None, accuracy=0.05), folder, level)
+    *_, last = rig.press()
+    assert rig.path.augment(last)
+    rig.settle()
+    return rig
+
+
+@pytest.mark.parametrize(("level", "largest", "mean"), [(QUADRATIC, 0.16, 0.08), (CUBIC, 0.06, 0.02)])
+@pytest.mark.parametrize("name", SCENES)
+def test_the_pressure_at_the_nodes_is_that_of_the_linear_model(
+    name: str, level: Discretisation, largest: float, mean: float, tmp_path: Path
+) -> None:
+    problem = at_small_strain(SCENES[name])
+    surface = TopSurface(augmented(problem, tmp_path, level).model).gathered()
+    assert surface is not None
+    exact = solve_contact(problem).pressure(*surface.points[:, :2].T)
+    off = np.abs(surface.pressure - exact) / exact.max()
+    assert np.count_nonzero(exact) > 50
+    assert off.max() < largest  # at the edge, where the slope is infinite
+    assert math.sqrt(np.mean(off[exact > 0.0] ** 2)) < mean
