@@ -65,7 +65,10 @@ def test_a_modulus_without_its_unit_beside_lengths_with_theirs_is_noted(tmp_path
     assert choose(scene(tmp_path, plain.replace('"500 mN"', "1")))[2] == ()
 
 
-def test_a_plan_doubts_units_before_all_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_plan_doubts_units_before_all_else(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")  # one line each
     soft = scene(tmp_path, SCENE.replace('"57.4 kPa"', '"57.4 mPa"').replace('"500 mN"', '"0.1 uN"'))
     plan_scene(soft, None, as_json=False, advises=False)
     first, second = capsys.readouterr().out.splitlines()[:2]
