@@ -34,7 +34,7 @@ CATALOGUE = {
     "contact_pressure": Field(
         "Pa", "Scalar", (),
         "contact pressure per deformed area; at nodes of the top the mean over the node's test function (nodal force "
-        "over nodal area), zero below; without the correction by small strain",
+        "over nodal area; on tetrahedra of a vertex's hat function), zero below; not corrected by small strain",
     ),
     "gap": Field(
         "m", "Scalar", (),

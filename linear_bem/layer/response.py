@@ -28,8 +28,8 @@ UNITY, SPAN = 1e-10, 15.0
 """Largest |G - 1| that counts as 0, and the t from which a layer's G is that close to 1."""
 SMALL, ROUNDOFF = 0.1, 1e-9
 """Largest argument and largest |G| at which a response that is not positive is attributed to roundoff."""
-JUMP = 1e-4
-"""Largest relative difference between a user's response and the spline through its samples."""
+JUMP, LITTLE, HALVINGS = 1e-4, 0.1, 40
+"""Largest jump of a user's response, over the response or over the little value; halvings of an interval to find it."""
 FIRST, LAST = 1e-6, 2.0**14
 """Range of arguments in which a user's response is sampled."""
 
@@ -113,15 +113,27 @@ class MeasuredResponse:
             self.smallest_scale = 1e-9
 
     def _require_no_jump(self, log_t: Array, values: Array) -> None:
-        """Raise `InvalidProblem` if G between the samples is not what the spline says."""
+        """Raise `InvalidProblem` if G jumps where the spline misses it between samples.
+
+        The interval of the largest change is halved: a kink's change vanishes with it, a jump's does not.
+        """
         between = 0.5 * (log_t[1:] + log_t[:-1])
-        size = np.maximum(np.maximum(values[1:], values[:-1]), ROUNDOFF)
-        off = np.abs(self._spline(between) - self._asked(np.exp(between))) / size
-        at = int(np.argmax(off))
-        if off[at] > JUMP:
+        off = np.abs(self._spline(between) - self._asked(np.exp(between)))
+        missed = off > 0.1 * JUMP * np.maximum(values[1:], LITTLE)
+        around = np.flatnonzero(np.convolve(missed, np.ones(5), "same") > 0.0)  # the spline rings beside a jump
+        low, high, below, above = log_t[around], log_t[around + 1], values[around], values[around + 1]
+        for _ in range(HALVINGS if around.size else 0):
+            middle = 0.5 * (low + high)
+            value = self._asked(np.exp(middle))
+            left = np.abs(value - below) > np.abs(above - value)
+            low, below = np.where(left, low, middle), np.where(left, below, value)
+            high, above = np.where(left, middle, high), np.where(left, value, above)
+        jumps = np.abs(above - below) / np.maximum(np.maximum(below, above), LITTLE)
+        if around.size and np.max(jumps) > JUMP:
+            k = int(np.argmax(jumps))
             raise InvalidProblem(
-                f"layer.response: must be continuous, got {values[at]:.6g} at {np.exp(log_t[at]):.6g} and "
-                f"{values[at + 1]:.6g} at {np.exp(log_t[at + 1]):.6g}; join a table smoothly to its limits"
+                f"layer.response: must be continuous, got {below[k]:.6g} below and {above[k]:.6g} above "
+                f"{np.exp(high[k]):.6g}; join a table to its limits without a jump"
             )
 
     def _asked(self, t: Array) -> Array:

@@ -127,7 +127,7 @@ def _compared_ball(row: Mapping[str, Any], scale: Scale) -> Row:
     linear, finite = (math.hypot(*force) for force in forces)
     ratio: tuple[float | None, float | None] = (None, None)
     turned = ratio
-    if row["strengthening_at_force"] is not None:
+    if None not in (row["strengthening_at_force"], row["strengthening_at_force_error"], row["tangential_linear_error"]):
         angle = math.atan2(lx * ty - ly * tx, lx * tx + ly * ty)
         error, factor = row["tangential_linear_error"], row["strengthening_at_force"]
         own = row["strengthening_at_force_error"] * linear - abs(factor) * error  # at the same force
@@ -137,7 +137,10 @@ def _compared_ball(row: Mapping[str, Any], scale: Scale) -> Row:
     return {
         "ball": row["ball"],
         unit.heading("|T| linear"): None if math.isnan(linear) else linear / unit.size,
-        unit.heading("|T| finite"): (finite / unit.size, row["tangential_finite_error"] / unit.size),
+        unit.heading("|T| finite"): (
+            finite / unit.size,
+            None if (e := row["tangential_finite_error"]) is None else e / unit.size,
+        ),
         "|T| ratio": ratio,
         TURNED: turned,
         "S_Q": (row["strengthening_at_force"], row["strengthening_at_force_error"]),
