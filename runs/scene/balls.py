@@ -46,7 +46,7 @@ class BallsTable(Table):
     radius: Lengths | None = None
     """Radius of a sphere or a punch; radius of curvature at the apex of a paraboloid."""
     semi_axes: SemiAxes | None = None
-    """Semi-axes of an ellipsoid along x, y and z."""
+    """Semi-axes a, b, c of an ellipsoid along x, y and z. R in tables is a b / c, the mean radius at its apex."""
     slope: Angles | None = None
     """Angle between a cone's flank and the undeformed surface."""
     tip_radius: Lengths | None = None
