@@ -60,7 +60,11 @@ def mpirun(
     if launcher is None:
         raise FileNotFoundError("mpirun is not on PATH: apt-get install openmpi-bin")
     options = ["-n", str(n), "--bind-to", "none", "--oversubscribe"]
-    return _run([launcher, *options, sys.executable, *map(str, args)], timeout, env, cwd)
+    # Open MPI 5.0.7 mixes a rank's two streams: its messages go past it, into a file
+    with tempfile.NamedTemporaryFile("r", encoding="utf-8") as said:
+        rank = ["sh", "-c", 'exec "$@" 2>>"$0"', said.name, sys.executable, *map(str, args)]
+        done = _run([launcher, *options, *rank], timeout, env, cwd)
+        return subprocess.CompletedProcess(done.args, done.returncode, done.stdout, said.read() + done.stderr)
 
 
 def thirdbody(
