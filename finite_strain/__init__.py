@@ -95,8 +95,9 @@ def solve(
         A user's mesh in metres in the scene's frame, of hexahedra or tetrahedra: a .msh file, or DOLFINx's mesh, cell
         tags and facet tags. Tags are those of `TAGS`, in a file also by name: "layer", "substrate" if there is one, and
         the flat "top" z = 0 and "bottom". The mesh holds the whole scene, or its part x >= 0 or y >= 0 (or both) if it
-        ends there and the scene is its own mirror image. Sides in the planes of its bounding box slide in these planes;
-        others are free. The mesh is never refined: elements of order 2, 3 and, if needed, 4 give the error of T.
+        ends there and the scene is its own mirror image. Sides in the planes of its bounding box slide in these planes,
+        as parts of an infinite layer; others are free, and the answer is that of this body, without a correction by
+        small strain. The mesh is never refined: elements of order 2, 3 and, if needed, 4 give the error of T.
 
     """
     check_arguments(

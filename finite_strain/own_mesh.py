@@ -1,7 +1,8 @@
 """A user's mesh: reads it, checks it against the problem, and tags it like the meshes that a run makes.
 
 Coordinates are in metres in the scene's frame; the top is z = 0. The mesh holds the whole scene or, if it ends at a
-mirror plane x = 0 or y = 0 of the scene, the part x > 0 or y > 0. Flat sides slide in their plane; others are free.
+mirror plane x = 0 or y = 0 of the scene, the part x > 0 or y > 0. Flat sides slide in their plane, as
+parts of an infinite layer; with other sides, which are free, the mesh is a body of its own.
 """
 
 import hashlib
@@ -87,13 +88,15 @@ class OwnMesh:
         faults += self._tag({"top": (2, 0.0), "bottom": (2, bottom)}, near)
         if faults:
             raise InvalidProblem(*faults)
-        self._tag_sides(sides, near)
+        has_free_sides = self._tag_sides(sides, near)
         self._check_solid(thickness)
         radii = [expected[ball.index].contact_radius for ball in reduction.balls]
         self._check_balls(reduction, radii, sides, near)
         cells = self.comm.allreduce(len(self.nodes))
         depth = -bottom - thickness if problem.substrate is not None else 0.0
-        return reduction, GivenMesh(sides[0], sides[1], depth, cells, self.simplices, self._digest(near))
+        return reduction, GivenMesh(
+            sides[0], sides[1], depth, cells, self.simplices, has_free_sides, self._digest(near)
+        )
 
     @property
     def meshed(self) -> tuple[Any, Any, Any]:
@@ -128,7 +131,10 @@ class OwnMesh:
         other = self.comm.allreduce(int(np.sum(~known)))
         if other:
             rule = " or ".join(f"{TAGS[name]} ({name})" for name in levels)
-            faults.append(f"{self.name}: every cell needs the tag {rule}, got {other} without")
+            faults.append(
+                f"{self.name}: every cell needs the tag {rule}, got {other} without, {self._found(self.cell_tags)}; "
+                "a layer has one material, without inclusions"
+            )
         return faults
 
     def _found(self, tags: Any) -> str:
@@ -164,8 +170,8 @@ class OwnMesh:
                 )
         return faults
 
-    def _tag_sides(self, sides: dict[int, tuple[float, float]], near: float) -> None:
-        """Replace the facet tags by those of top, bottom and the flat sides."""
+    def _tag_sides(self, sides: dict[int, tuple[float, float]], near: float) -> bool:
+        """Replace the facet tags by those of top, bottom and the flat sides; return whether other sides are left."""
         found = {name: self.facet_tags.find(TAGS[name]) for name in ("top", "bottom")}
         for axis, ends in sides.items():
             for end, value in zip(("low", "high"), ends, strict=True):
@@ -174,6 +180,9 @@ class OwnMesh:
         numbers = np.concatenate([np.full(len(each), TAGS[name], dtype=np.int32) for name, each in found.items()])
         order = np.argsort(facets)
         self.facet_tags = dolfinx.mesh.meshtags(self.mesh, 2, facets[order], numbers[order])
+        outer = dolfinx.mesh.locate_entities_boundary(self.mesh, 2, lambda x: np.full(x.shape[1], True))
+        outer = outer[outer < self.mesh.topology.index_map(2).size_local]
+        return bool(self.comm.allreduce(len(np.setdiff1d(outer, facets))))
 
     def _check_solid(self, thickness: float) -> None:
         """Raise `InvalidProblem` if the layer has holes, which the small-strain problem cannot represent."""
@@ -183,8 +192,8 @@ class OwnMesh:
         volume, area = (self.comm.allreduce(dolfinx.fem.assemble_scalar(form)) for form in forms)
         if abs(volume - thickness * area) > SOLID * volume:
             raise InvalidProblem(
-                f"{self.name}: the layer must be a slab without holes, got {volume:.6g} m^3 under a top of "
-                f"{area:.6g} m^2"
+                f"{self.name}: the layer must be a slab of one thickness without holes, got {volume:.6g} m^3 under a "
+                f"top of {area:.6g} m^2; fill holes with cells of the layer"
             )
 
     def _check_balls(

@@ -38,8 +38,13 @@ class Answers:
         self.forces_given, self.follows = load.forces_given, load.follows
 
     def truth(self, fraction: float) -> LinearTruth | str:
-        """Return the result of `linear_bem` at a load fraction, or the message why there is none (one rank)."""
+        """Return the result of `linear_bem` at a load fraction, or the message why there is none (one rank).
+
+        The message is empty for a body with free sides, which `linear_bem` does not know.
+        """
         plan = self.plan
+        if plan.has_free_sides:
+            return ""
         load = plan.problem.load
         scene = Problem(plan.problem.layer, plan.problem.balls, load, plan.problem.substrate)
         scene = scene.with_load(load.kind, [fraction * value for value in load.values])
@@ -201,15 +206,19 @@ class Answers:
     def _imbalance(self, forces: np.ndarray, error: np.ndarray) -> tuple[float, float]:
         """Return the size of the sum of T (balls, 2) [N] over the scene, and the factor on all errors (balls,) from it.
 
-        An infinite layer is homogeneous, so the exact sum is zero; in many scenes symmetry enforces this.
+        An infinite layer is homogeneous, so the exact sum is zero; in many scenes symmetry enforces this. Free sides
+        may push the balls: then the factor is 1.
         """
         reduction = self.plan.reduction
         turned = [reduction.to_scene(i, tuple(forces[im.model_ball])) for i, im in enumerate(reduction.images)]
         imbalance, allowed = math.hypot(*np.sum(turned, axis=0)), sum(self._per_ball(error))
-        return imbalance, math.hypot(1.0, imbalance / allowed) if allowed > 0.0 else 1.0
+        is_known = allowed > 0.0 and not self.plan.has_free_sides
+        return imbalance, math.hypot(1.0, imbalance / allowed) if is_known else 1.0
 
     def _worst(self, error: np.ndarray) -> int | None:
         """Return the ball whose T is more accurate as minus the sum of the others', by the errors (balls,), or None."""
+        if self.plan.has_free_sides:
+            return None
         mirrored = len(self.plan.problem.balls) > len(error)
         worst = int(np.argmax(error))
         return worst if len(error) > 1 and not mirrored and 2.0 * error[worst] > error.sum() else None

@@ -66,29 +66,34 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             "the small-strain problem has no equilibrium at full load: the answer is that of finite strain alone"
         )
     film = 1.0 - max(ball.approach for ball in last.balls) / plan.problem.layer.thickness
-    if plan.is_paired and not is_resolved(last.smallest_volume_ratio, film):
+    if plan.is_hyperelastic and not is_resolved(last.smallest_volume_ratio, film):
         away, depth = last.distorted_at["volume_ratio"]
         notes.append(
             f"{UNRESOLVED} {away:.2g} m from a ball's axis and {depth:.2g} m below the surface: the "
             f"volume ratio J falls to {last.smallest_volume_ratio:.2g} there, while {film:.2g} of the thickness is "
             "left under a ball"
         )
-    if plan.is_paired and last.surface_crossing > 0.0:
+    if plan.is_hyperelastic and last.surface_crossing > 0.0:
         notes.append(
             "the flanks of the cleft between mirrored balls pass through each other by "
             f"{2.0 * last.surface_crossing:.2g} m: contact of the surface with itself is not computed"
         )
-    elif plan.is_paired and last.smallest_seen_area <= 0.0:
+    elif plan.is_hyperelastic and last.smallest_seen_area <= 0.0:
         away = last.distorted_at["seen_area"][0]
         notes.append(
             f"the surface overhangs {away:.2g} m from a ball's axis: it does not pass through planes of symmetry, but "
             "contact of the surface with itself is not computed"
         )
-    if not plan.is_paired:
+    if not plan.is_hyperelastic:
         notes += _small_strain_notes(plan, last)
     notes += overlap_note(plan.problem, np.array([ball.approach for ball in last.balls]))
     failures = dict.fromkeys(step.linear_failure for step in record.steps if step.linear_failure)
     notes += [f"no correction by the small-strain pair, because linear_bem has no answer: {text}" for text in failures]
+    if plan.has_free_sides:
+        notes.append(
+            "the mesh has free sides: the answer is that of this body, not of the infinite layer of linear_bem; its "
+            "error follows from the element orders alone"
+        )
     return notes + _overrun(plan, record, seconds)
 
 

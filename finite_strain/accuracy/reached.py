@@ -15,7 +15,7 @@ def judge(plan: RunPlan, record: Record) -> None:
     if not record.steps:
         return
     last = record.steps[-1]
-    if plan.is_paired:
+    if plan.is_hyperelastic:
         film = 1.0 - max(ball.approach for ball in last.balls) / plan.problem.layer.thickness
         record.resolved = is_resolved(last.smallest_volume_ratio, film)
     forces = np.array([ball.normal_force for ball in last.balls])

@@ -26,7 +26,7 @@ from finite_strain.mechanics.volumetric import Volumetric
 from linear_bem.problem import Problem
 from meshes.box import TAGS
 
-_PLANES = {"x_low": 0, "x_high": 0, "y_low": 1, "y_high": 1}
+_PLANES = {"x_low": (0, 0), "x_high": (0, 1), "y_low": (1, 0), "y_high": (1, 1)}
 Meshed = tuple[Any, Any, Any]
 """Mesh, cell tags, facet tags."""
 
@@ -64,8 +64,11 @@ class Model:
         zero = PETSc.ScalarType(0.0)
         self._bottom = dolfinx.fem.locate_dofs_topological(self.space, 2, self.facet_tags.find(TAGS["bottom"]))
         bcs = [dolfinx.fem.dirichletbc(np.zeros(3, dtype=PETSc.ScalarType), self._bottom, self.space)]
-        for name, axis in _PLANES.items():
+        self.mirrors = np.zeros((2, 2), dtype=bool)
+        """Whether (x, y) there is a flat side (low, high), a plane of symmetry; others are free."""
+        for name, (axis, end) in _PLANES.items():
             facets = self.facet_tags.find(TAGS[name])
+            self.mirrors[axis, end] = self.comm.allreduce(len(facets)) > 0
             component = self.space.sub(axis)
             dofs = dolfinx.fem.locate_dofs_topological(component, 2, facets)
             bcs.append(dolfinx.fem.dirichletbc(zero, dofs, component))

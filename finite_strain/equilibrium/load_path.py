@@ -152,7 +152,7 @@ class LoadPath:
     def distorted(self) -> Distortion:
         """Return the distortion of the present state (collective)."""
         model = self.model
-        return distortion(model.space, model.nodal, [ball.position for ball in model.contact.balls])
+        return distortion(model.space, model.nodal, [ball.position for ball in model.contact.balls], model.mirrors)
 
     @property
     def last(self) -> State:

@@ -33,8 +33,8 @@ class Distortion:
     """Smallest values at the nodes, and their places: det F, stretch along the top, and area of the top from above.
 
     ``seen_area``: the top's area seen from above over its undeformed area, det of the in-plane part of F; if it is
-    positive everywhere, the surface does not overhang. ``crossing`` [m]: how far the top passes through the sides of
-    the model, some of which are planes of symmetry; if it is positive, the flanks between mirrored bodies meet.
+    positive everywhere, the surface does not overhang. ``crossing`` [m]: how far the top passes through planes of
+    symmetry; if it is positive, the flanks between mirrored bodies meet.
     """
 
     volume_ratio: float
@@ -58,8 +58,13 @@ class Distortion:
         return f"{volume}; {surface}"
 
 
-def distortion(space: Any, nodal: np.ndarray, axes: Sequence[Sequence[float]]) -> Distortion:
-    """Return the distortion under displacements (local nodes, 3) [m]; ``axes`` (balls, 2) [m] of balls (collective)."""
+def distortion(
+    space: Any, nodal: np.ndarray, axes: Sequence[Sequence[float]], mirrors: np.ndarray | bool = True
+) -> Distortion:
+    """Return the distortion under displacements (local nodes, 3) [m] (collective).
+
+    ``axes`` (balls, 2) [m] of balls; ``mirrors`` (x and y, low and high): whether that side is a plane of symmetry.
+    """
     cells = CellNodes(space)
     F = np.eye(3) + cells.gradient(nodal)
     points = space.tabulate_dof_coordinates()[cells.dofs]
@@ -81,7 +86,8 @@ def distortion(space: Any, nodal: np.ndarray, axes: Sequence[Sequence[float]]) -
         place = tuple(length if length > 1e-9 * deep else 0.0 for length in (away, float(top - z)))
         least.append(min(comm.allgather((float(value.min(initial=np.inf)), place))))
     moved = (points + nodal[cells.dofs])[on_top][:, :2]
-    outside = np.maximum(low[:2] - moved, moved - high[:2]).max(initial=0.0)
+    beyond = np.stack([low[:2] - moved, moved - high[:2]], axis=-1)
+    outside = beyond.max(initial=0.0, where=np.broadcast_to(mirrors, beyond.shape))
     crossing = comm.allreduce(float(outside), op=MPI.MAX)
     (volume, at), (shortest, surface_at), (least_seen, seen_at) = least
     crossing = crossing if crossing > 1e-9 * deep else 0.0

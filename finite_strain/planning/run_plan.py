@@ -43,13 +43,17 @@ _SHARED_NODES = 1.35
 
 @dataclass(frozen=True)
 class GivenMesh:
-    """A user's mesh: x and y intervals and depth of the substrate [m], number of cells, kind, and its digest."""
+    """A user's mesh: x and y intervals and depth of the substrate [m], number of cells, kind, and its digest.
+
+    ``has_free_sides``: it is a body of its own, not a part of the infinite layer.
+    """
 
     x: tuple[float, float]
     y: tuple[float, float]
     depth: float
     cells: int
     simplices: bool
+    has_free_sides: bool
     digest: str
 
 
@@ -76,9 +80,19 @@ class RunPlan:
         return model_of(self.problem)
 
     @property
+    def is_hyperelastic(self) -> bool:
+        """Whether the layer is deformed at finite strain."""
+        return self.problem.finite_strain is not None
+
+    @property
+    def has_free_sides(self) -> bool:
+        """Whether the user's mesh ends at free sides: `linear_bem`, with its infinite layer, has no answer for it."""
+        return self.given is not None and self.given.has_free_sides
+
+    @property
     def is_paired(self) -> bool:
         """Whether the small-strain problem is solved beside the hyperelastic one."""
-        return self.problem.finite_strain is not None
+        return self.is_hyperelastic and not self.has_free_sides
 
     @property
     def has_own_functions(self) -> bool:
@@ -96,8 +110,9 @@ class RunPlan:
     def loads(self) -> tuple[float, ...]:
         """The load fractions at which every discretisation has results, rising."""
         last = self.goals[-1]
-        if not self.is_paired or sum(goal >= self.nearby * last for goal in self.goals) >= ENOUGH:
-            return self.goals  # the error of small strain alone is known where linear_bem has an answer
+        is_known = not (self.is_hyperelastic or self.has_free_sides)  # by linear_bem
+        if is_known or sum(goal >= self.nearby * last for goal in self.goals) >= ENOUGH:
+            return self.goals
         more = (f * last for f in self.numerics.more_loads)
         return tuple(sorted({*self.goals, *(m for m in more if not any(math.isclose(m, g) for g in self.goals))}))
 

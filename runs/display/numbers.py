@@ -66,16 +66,28 @@ def leading_ball(balls: Sequence[Mapping[str, Any]]) -> int:
     return next(i for i, size in enumerate(sizes) if size >= max(sizes) * (1.0 - 1e-6))
 
 
+SHOWN = 3
+"""Largest number of kinds of balls that are listed one by one."""
+
+
 def bodies(problem: Problem, scale: Scale) -> str:
-    """Return shapes and sizes of the balls: "sphere, radius 8 mm"."""
+    """Return shapes and sizes of the balls: "sphere, radius 8 mm"; of more than `SHOWN` kinds, the range of radii."""
     found = list(dict.fromkeys(_body(ball, scale) for ball in problem.balls))
-    return "; ".join(found[:3]) + (f"; {len(found) - 3} other(s)" if len(found) > 3 else "")
+    if len(found) <= SHOWN:
+        return "; ".join(found)
+    least, most = (size(ball.radius for ball in problem.balls) for size in (min, max))
+    kinds = dict.fromkeys(_kind(ball) for ball in problem.balls)
+    return f"{', '.join(kinds)} of {len(found)} sizes, radii {scale.units.length(least)} to {scale.units.length(most)}"
+
+
+def _kind(ball: Ball) -> str:
+    return type(ball.indenter).__name__.lower() if isinstance(ball.indenter, Indenter) else "profile f(x, y)"
 
 
 def _body(ball: Ball, scale: Scale) -> str:
     body, length = ball.indenter, scale.units.length
     if not isinstance(body, Indenter):
-        return f"profile f(x, y), radius {length(ball.radius)}"
+        return f"{_kind(ball)}, radius {length(ball.radius)}"
     sizes = []
     for field in dataclasses.fields(body):
         values = value if isinstance(value := getattr(body, field.name), tuple) else (value,)
@@ -84,7 +96,7 @@ def _body(ball: Ball, scale: Scale) -> str:
         else:
             said = " x ".join(number(each / length.size) for each in values)
             sizes.append(f"{field.name.replace('_', ' ')} {said} {length.name}")
-    return f"{type(body).__name__.lower()}, {', '.join(sizes)}"
+    return f"{_kind(ball)}, {', '.join(sizes)}"
 
 
 def toward_others(balls: Sequence[Mapping[str, Any]], index: int) -> tuple[float, float] | None:

@@ -160,6 +160,8 @@ class Session:
             where = f"{self.model.name} on {ranks_here} rank(s)"
             cores = count(ranks_here, "idle core")
             time = f"{self.plan['load_steps']} load steps, the elements take {time}{' from the start' if steps else ''}"
+            for doubt in self.scene.doubts:
+                print_status(f"warning: {doubt}")
             print_status(f"{where}: {size}, {time} on {cores}; into {self.out}")
             least, most = sum(of_meshes[:2]), self.scene.budget.get("seconds", math.inf)
             if least > most:

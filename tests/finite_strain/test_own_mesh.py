@@ -22,13 +22,16 @@ from scipy.spatial import Delaunay
 
 import finite_strain
 from finite_strain import TAGS, compat
+from finite_strain.accuracy.answer import Answers
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.own_mesh import OwnMesh
-from linear_bem import Elastic, InvalidProblem, Load, Problem
+from finite_strain.planning.records import Record
+from finite_strain.planning.run_plan import plan_run
+from linear_bem import Elastic, InvalidProblem, Layer, Load, Problem
 from linear_bem.result import FAINT
 from linear_bem.solver import solve
 from meshes.layer import gmsh_session
-from tests.finite_strain.scenes import SHAPES, at_small_strain, pair, relatively, single
+from tests.finite_strain.scenes import CUBIC, QUADRATIC, SHAPES, at_small_strain, pair, relatively, single
 from tests.launch import mpirun
 
 COMM = MPI.COMM_SELF
@@ -39,6 +42,8 @@ Z = (-1.16, -0.6, -0.2, 0.0)
 SPARSE = {"x": (0.0, 0.7, 0.87, 1.0, 1.13, 1.3, 2.3), "y": (0.0, 0.12, 0.3, 1.0), "z": (-1.16, -0.4, 0.0)}
 """Fewer lines of it, for claims that no accuracy matters to."""
 SOLVERS = {"factors": {}, "multigrid": {"direct_up_to": "0"}}
+PILLAR = (0.0, 0.07, 0.14, 0.22, 0.32, 0.5, 0.75)
+"""Lines of a narrow body around a ball at the origin."""
 CENTRED = (0.0, 0.1, 0.2, 0.35, 0.6, 1.0, 1.6)
 """Lines towards a ball at the origin."""
 
@@ -161,6 +166,12 @@ def hollow() -> tuple[Any, Any, Any]:
     return tagged(dolfinx.mesh.create_submesh(mesh, 3, kept)[0], {"top": 0.0, "bottom": -1.16})
 
 
+def including() -> tuple[Any, Any, Any]:
+    mesh, cells, facets = block()
+    values = np.where(cells.indices == 5, 7, TAGS["layer"]).astype(np.int32)
+    return mesh, meshtags(mesh, 3, cells.indices, values), facets
+
+
 WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "no file": (lambda: "nowhere.msh", r"mesh: the file nowhere\.msh does not exist"),
     "another file": (lambda: __file__, r"must be a \.msh file, .* got .*test_own_mesh\.py"),
@@ -172,7 +183,11 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "bulging": (bulging, r"must reach from z = -1\.16 to 0 m, got -1\.16 to 0\.001 m"),
     "a ball outside": (lambda: block(x=tuple(0.3 * x for x in X)), r"ball 1 at \(1, 0\) m needs .* got 0\.02 m"),
     "coarse": (lambda: block(x=X[::4], y=Y[::2]), r"at least 9 corners .* got 4; make the elements there smaller"),
-    "a hole": (hollow, r"must be a slab without holes, got 10\.\d+ m\^3 under a top of 8\.84 m\^2"),
+    "a hole": (hollow, r"a slab of one thickness without holes, got 10\.\d+ m\^3 under a top of 8\.84 m\^2; fill"),
+    "an inclusion": (
+        including,
+        r"needs the tag 1 \(layer\), got 1 without, got the tags 1, 7; a layer has one material",
+    ),
     # newer versions of DOLFINx find no facets of prisms
     "prisms": (lambda: block(CellType.prism, facets=()), "hexahedron or tetrahedron, got prism"),
 }
@@ -208,6 +223,48 @@ def test_a_mesh_is_a_part_of_the_scene_only_at_its_mirror_planes() -> None:
     assert given.x == pytest.approx((-3.4, 3.4))
     with pytest.raises(InvalidProblem, match=r"ball 0 at \(-1, 0\) m needs"):  # unlike loads have no plane x = 0
         fitted(pair(replace(pair(0.1).load, values=(0.1, 0.12)), poisson=0.3), block())
+
+
+def pillar() -> tuple[Any, Any, Any]:
+    """Return a quarter of a pillar on a rigid base, whose outer sides are curved and free."""
+    mesh, cells, facets = block(x=PILLAR, y=PILLAR)
+    x, y = mesh.geometry.x[:, 0].copy(), mesh.geometry.x[:, 1].copy()
+    for axis, (along, across) in enumerate(((x, y), (y, x))):
+        mesh.geometry.x[:, axis] = along * (1.0 - 0.2 * (across / PILLAR[-1]) ** 2)
+    return mesh, cells, facets
+
+
+@pytest.mark.parametrize("model", ["small_strain", "finite_strain"])
+def test_a_body_with_free_sides_is_solved_as_it_is_and_not_corrected_as_an_infinite_layer(model: str) -> None:
+    problem = replace(single(0.04, poisson=0.45), layer=Layer(1.0, 0.45, 1.16))
+    problem = problem if model == "finite_strain" else at_small_strain(problem)
+    result = finite_strain.solve(problem, model=model, accuracy=0.05, mesh=pillar(), comm=COMM, steps=(0.9, 1.0))
+    first, last = result.steps
+    # the work of the force is the elastic energy; the trapezoidal rule over this step: 6e-4
+    work = (last.record["strain_energy"] - first.record["strain_energy"]) / (0.1 * 0.04)
+    mean = 0.5 * (first.balls[0].normal_force + last.balls[0].normal_force)
+    assert mean == relatively(work, 5e-3)  # discretisation, and the penalty's energy
+    infinite = solve(replace(problem, finite_strain=None), 1e-3).balls[0].normal_force
+    assert result.balls[0].normal_force < 0.95 * infinite
+    assert result.balls[0].errors["normal_force"] < 0.03 * infinite
+    assert any(note.startswith("the mesh has free sides") for note in result.solved.notes)
+    assert not any("flanks" in note for note in result.solved.notes)
+
+
+def test_free_sides_may_push_a_pair() -> None:
+    problem, x = pair(0.1, poisson=0.3), (*(-c for c in X[:0:-1]), *X)
+    errors, forces = np.array([0.1, 1.0]), np.array([[1.0, 0.0], [-3.0, 0.0]])
+    for slope, is_free in ((0.0, False), (0.03, True)):
+        mesh, cells, facets = block(x=x)
+        mesh.geometry.x[:, 0] *= 1.0 + slope * mesh.geometry.x[:, 1]
+        part = fitted(problem, (mesh, cells, facets))
+        plan = plan_run(problem, 0.1, "finite_strain", fit=lambda *_, part=part: part)
+        answers = Answers(plan, [Record(QUADRATIC), Record(CUBIC)])
+        assert plan.has_free_sides is is_free
+        assert plan.is_paired is not is_free
+        assert (answers._worst(errors) is None) is is_free  # the sum of T need not be zero
+        assert (answers._imbalance(forces, errors)[1] == 1.0) is is_free
+        assert (answers.truth(1.0) == "") is is_free
 
 
 def test_a_digest_follows_the_mesh_and_not_its_numbering() -> None:

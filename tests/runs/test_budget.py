@@ -81,3 +81,17 @@ def test_a_time_too_short_for_an_error_estimate_is_noted_before_the_work(tmp_pat
     assert done.returncode == 0, done.stderr
     assert "[accuracy] seconds = 30 is less than the two coarsest meshes take" in done.stderr
     assert "1 min 44 s" in done.stderr.split("[accuracy] seconds", 1)[1].splitlines()[0]  # on one rank
+
+
+def test_a_length_without_a_unit_is_noted_before_the_work(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        '[layer]\nthickness = 4\nyoung = "1 MPa"\npoisson = 0.48\n[balls]\nradius = "1000 mm"\n'
+        'positions = [["-1000 mm", 0], ["1000 mm", 0]]\n[load]\napproach = "200 mm"\n[finite_strain]\n',
+        encoding="utf-8",
+    )
+    done = thirdbody("compare", path, "--out", tmp_path / "out", program=STAND_IN)
+    assert done.returncode == 0, done.stderr
+    first, second = done.stderr.splitlines()[:2]
+    assert first.startswith("warning: [layer] thickness = 4 is in metres, as it has no unit")
+    assert second.startswith("finite_strain on 1 rank(s)")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from linear_bem import Ball, Load
 from linear_bem.result import BallResult, Result, Solved
 from runs.commands.plan import plan_scene
 from runs.display import plan_words, tables
@@ -114,6 +116,9 @@ def test_tables_have_the_scenes_units_and_identify_the_balls(tmp_path: Path) -> 
     assert second["peak p [kPa]"] == pytest.approx(20.0)
     assert scale.legend() == "R = 2.5 mm: radius of ball 0; E = 57.4 kPa: Young's modulus of the layer"
     assert bodies(read.problem, scale) == "sphere, radius 2.5 mm; sphere, radius 4 mm"
+    sizes = [Ball((20e-3 * place, 0.0), radius) for place, radius in enumerate((2e-3, 2.5e-3, 4e-3, 3e-3))]
+    many = dataclasses.replace(read.problem, balls=tuple(sizes), load=Load("force", (0.1,) * 4))
+    assert bodies(many, scale) == "sphere of 4 sizes, radii 2 mm to 4 mm"
 
 
 @pytest.mark.parametrize("width", [80, 200])
