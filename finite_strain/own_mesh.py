@@ -37,6 +37,9 @@ LEAST_NODES = 9
 CLEAR = 1.5
 """Least distance of a ball's axis from the mesh's sides, over the radius of its expected contact."""
 
+DIAGONAL = math.sqrt(2.0)
+"""Factor on it for free sides: the block in which T is integrated is a square, and ends before them."""
+
 
 class OwnMesh:
     """Mesh, cell tags and facet tags (see `meshes.box.TAGS`) of a user (collective)."""
@@ -88,15 +91,13 @@ class OwnMesh:
         faults += self._tag({"top": (2, 0.0), "bottom": (2, bottom)}, near)
         if faults:
             raise InvalidProblem(*faults)
-        has_free_sides = self._tag_sides(sides, near)
+        room = self._room(self._tag_sides(sides, near), reduction)
         self._check_solid(thickness)
         radii = [expected[ball.index].contact_radius for ball in reduction.balls]
-        self._check_balls(reduction, radii, sides, near)
+        self._check_balls(reduction, radii, sides, room, near)
         cells = self.comm.allreduce(len(self.nodes))
         depth = -bottom - thickness if problem.substrate is not None else 0.0
-        return reduction, GivenMesh(
-            sides[0], sides[1], depth, cells, self.simplices, has_free_sides, self._digest(near)
-        )
+        return reduction, GivenMesh(sides[0], sides[1], depth, cells, self.simplices, room, self._digest(near))
 
     @property
     def meshed(self) -> tuple[Any, Any, Any]:
@@ -170,8 +171,8 @@ class OwnMesh:
                 )
         return faults
 
-    def _tag_sides(self, sides: dict[int, tuple[float, float]], near: float) -> bool:
-        """Replace the facet tags by those of top, bottom and the flat sides; return whether other sides are left."""
+    def _tag_sides(self, sides: dict[int, tuple[float, float]], near: float) -> np.ndarray:
+        """Replace the facet tags by those of top, bottom and the flat sides; return this rank's other outer facets."""
         found = {name: self.facet_tags.find(TAGS[name]) for name in ("top", "bottom")}
         for axis, ends in sides.items():
             for end, value in zip(("low", "high"), ends, strict=True):
@@ -182,29 +183,38 @@ class OwnMesh:
         self.facet_tags = dolfinx.mesh.meshtags(self.mesh, 2, facets[order], numbers[order])
         outer = dolfinx.mesh.locate_entities_boundary(self.mesh, 2, lambda x: np.full(x.shape[1], True))
         outer = outer[outer < self.mesh.topology.index_map(2).size_local]
-        return bool(self.comm.allreduce(len(np.setdiff1d(outer, facets))))
+        return np.asarray(np.setdiff1d(outer, facets))
+
+    def _room(self, free: np.ndarray, reduction: Reduction) -> tuple[float, ...]:
+        """Return the distance [m] of each ball's axis from free sides, infinite without (collective)."""
+        space = compat.function_space(self.mesh, 1)  # that of the domain integral's weight, which vanishes there
+        nodes = dolfinx.fem.locate_dofs_topological(space, 2, free.astype(np.int32))
+        places = space.tabulate_dof_coordinates()[nodes, :2]
+        least = [np.linalg.norm(places - ball.position, axis=1).min(initial=np.inf) for ball in reduction.balls]
+        return tuple(self.comm.allreduce(float(distance), op=MPI.MIN) for distance in least)
 
     def _check_solid(self, thickness: float) -> None:
-        """Raise `InvalidProblem` if the layer has holes, which the small-strain problem cannot represent."""
+        """Raise `InvalidProblem` if the layer has cavities or sides that are not vertical."""
         cells = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)(TAGS["layer"])
         facets = ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facet_tags)(TAGS["top"])
         forms = compat.compile_forms([constant(self.mesh, 1.0) * measure for measure in (cells, facets)], self.comm)
         volume, area = (self.comm.allreduce(dolfinx.fem.assemble_scalar(form)) for form in forms)
         if abs(volume - thickness * area) > SOLID * volume:
             raise InvalidProblem(
-                f"{self.name}: the layer must be a slab of one thickness without holes, got {volume:.6g} m^3 under a "
-                f"top of {area:.6g} m^2; fill holes with cells of the layer"
+                f"{self.name}: the layer must be a slab with vertical sides, without cavities, got {volume:.6g} m^3 "
+                f"under a top of {area:.6g} m^2; fill cavities with cells of the layer"
             )
 
     def _check_balls(
-        self, reduction: Reduction, radii: Sequence[float], sides: dict[int, tuple[float, float]], near: float
+        self, reduction: Reduction, radii: Sequence[float], sides: dict[int, tuple[float, float]],
+        rooms: Sequence[float], near: float,
     ) -> None:  # fmt: skip
         """Raise `InvalidProblem` if a ball presses outside the mesh, or on too few elements."""
         corners = self.nodes[:, : 4 if self.simplices else 8].reshape(-1, 3)
         here = corners[np.abs(corners[:, 2]) <= near, :2]
         top = np.unique(np.round(np.concatenate(self.comm.allgather(here)) / near), axis=0) * near
         faults = []
-        for ball, radius in zip(reduction.balls, radii, strict=True):
+        for ball, radius, free in zip(reduction.balls, radii, rooms, strict=True):
             room = math.inf
             for axis, (low, high) in sides.items():
                 below = math.inf if axis in reduction.planes else ball.position[axis] - low
@@ -215,6 +225,11 @@ class OwnMesh:
                 faults.append(
                     f"{where} needs {CLEAR * radius:.3g} m of mesh on every side, got {room:.3g} m; a mesh of a part "
                     "is x >= 0 or y >= 0 of balls, bodies and loads that are mirror images"
+                )
+            elif free < DIAGONAL * CLEAR * radius:
+                faults.append(
+                    f"{where} needs {DIAGONAL * CLEAR * radius:.3g} m of mesh to every free side, got {free:.3g} m; "
+                    "move the side away"
                 )
             elif under < LEAST_NODES:
                 faults.append(

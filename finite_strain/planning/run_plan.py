@@ -32,6 +32,8 @@ MOST_COUNTED = 2e6
 """Largest estimated number of unknowns that is then counted exactly: 0.2 s per million, more with many balls."""
 LATEST = 0.85
 """Largest radius of the mesh line along a contact's edge over its block's half-width. T is integrated outside it."""
+SQUARE = 0.99 / math.sqrt(2.0)
+"""Half the side of a square block over the distance from its middle to a free side, which its corners do not reach."""
 DETAIL = 2.0
 """Width of the elements at the edge of a flat end over the radius of its rounding, times the fineness."""
 ENOUGH, NEARBY = 3, 0.5
@@ -45,7 +47,7 @@ _SHARED_NODES = 1.35
 class GivenMesh:
     """A user's mesh: x and y intervals and depth of the substrate [m], number of cells, kind, and its digest.
 
-    ``has_free_sides``: it is a body of its own, not a part of the infinite layer.
+    ``room``: distances [m] of the part's balls from free sides; infinite if the mesh is a part of the infinite layer.
     """
 
     x: tuple[float, float]
@@ -53,7 +55,7 @@ class GivenMesh:
     depth: float
     cells: int
     simplices: bool
-    has_free_sides: bool
+    room: tuple[float, ...]
     digest: str
 
 
@@ -87,7 +89,7 @@ class RunPlan:
     @property
     def has_free_sides(self) -> bool:
         """Whether the user's mesh ends at free sides: `linear_bem`, with its infinite layer, has no answer for it."""
-        return self.given is not None and self.given.has_free_sides
+        return self.given is not None and math.isfinite(min(self.given.room))
 
     @property
     def is_paired(self) -> bool:
@@ -145,6 +147,8 @@ class RunPlan:
             radii.append(radius if edge is None else edge[0])
         positions = [ball.position for ball in reduction.balls]
         widths = half_widths(positions, radii, sides[0], sides[1], reduction.planes)
+        if self.given is not None:  # no corner of a block, outside which T is integrated, reaches a free side
+            widths = [min(m, SQUARE * room) for m, room in zip(widths, self.given.room, strict=True)]
         lines = [min(a, LATEST * m) if a < m else a for a, m in zip(radii, widths, strict=True)]
         smallest = self.goals[0] ** (0.5 / prescribed(problem).power)  # as Hertz's contact grows
         zones = tuple(

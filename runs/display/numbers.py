@@ -71,13 +71,15 @@ SHOWN = 3
 
 
 def bodies(problem: Problem, scale: Scale) -> str:
-    """Return shapes and sizes of the balls: "sphere, radius 8 mm"; of more than `SHOWN` kinds, the range of radii."""
+    """Return shapes and sizes of the balls: "sphere, radius 8 mm"; of more than `SHOWN` sizes, the range of radii."""
     found = list(dict.fromkeys(_body(ball, scale) for ball in problem.balls))
     if len(found) <= SHOWN:
         return "; ".join(found)
+    kind, *others = {_kind(ball) for ball in problem.balls}
+    if others or kind not in ("sphere", "paraboloid"):
+        return f"{'; '.join(found[:SHOWN])}; {len(found) - SHOWN} other(s)"
     least, most = (size(ball.radius for ball in problem.balls) for size in (min, max))
-    kinds = dict.fromkeys(_kind(ball) for ball in problem.balls)
-    return f"{', '.join(kinds)} of {len(found)} sizes, radii {scale.units.length(least)} to {scale.units.length(most)}"
+    return f"{kind} of {len(found)} sizes, radii {scale.units.length(least)} to {scale.units.length(most)}"
 
 
 def _kind(ball: Ball) -> str:

@@ -102,6 +102,8 @@ class Evolution:
     def complete(self, *, pictures: bool = True) -> Document | None:
         """Compute the path to its end and return the finished document on rank 0 (collective)."""
         session = self.session
+        if session.root:
+            session.say_doubts()
         given = provider(
             session.model, self.problem, session.scene.tangential_force, self.sliding.forces, self.tables,
             session.comm, print_status, session.scene.budget, self.balls.cell,

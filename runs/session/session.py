@@ -160,8 +160,7 @@ class Session:
             where = f"{self.model.name} on {ranks_here} rank(s)"
             cores = count(ranks_here, "idle core")
             time = f"{self.plan['load_steps']} load steps, the elements take {time}{' from the start' if steps else ''}"
-            for doubt in self.scene.doubts:
-                print_status(f"warning: {doubt}")
+            self.say_doubts()
             print_status(f"{where}: {size}, {time} on {cores}; into {self.out}")
             least, most = sum(of_meshes[:2]), self.scene.budget.get("seconds", math.inf)
             if least > most:
@@ -180,6 +179,11 @@ class Session:
             result = self.model.solve(self.problem, run)
         solved = dataclasses.replace(result.solved, notes=(*self.notes, *result.solved.notes))
         return dataclasses.replace(result, solved=solved)
+
+    def say_doubts(self) -> None:
+        """Print the doubts about the scene's units, before long work."""
+        for doubt in self.scene.doubts:
+            print_status(f"warning: {doubt}")
 
     def save(self, document: Document, rows: Iterable[Mapping[str, Any]]) -> None:
         """Write the document as far as it is computed (rank 0)."""

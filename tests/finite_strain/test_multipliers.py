@@ -17,7 +17,7 @@ from finite_strain import one_discretisation
 from finite_strain.accuracy.answer import MOST
 from finite_strain.accuracy.error_budget import enforcement
 from finite_strain.contact.contact_energy import Penalised
-from finite_strain.equilibrium.load_path import DOUBLINGS, State, StepRecord
+from finite_strain.equilibrium.load_path import DOUBLINGS, LoadPath, State, StepRecord
 from finite_strain.geometry.estimates import PENETRATION
 from finite_strain.one_discretisation import LARGEST_PENETRATION, ROUNDS, STIFFER, MeshRun
 from finite_strain.planning.records import Record, save_records, saved_records
@@ -222,6 +222,11 @@ def test_a_finer_mesh_begins_full_load_with_the_penalties_of_the_coarser_one(tmp
 
 def test_the_contact_of_the_pair_is_stiffened_as_often_as_that_of_the_problem(monkeypatch: pytest.MonkeyPatch) -> None:
     penalties, close = list[tuple[np.ndarray, np.ndarray]](), MeshRun.close
+    stiffened, stiffen = list[bool](), LoadPath.stiffen
+
+    def stiffening(path: LoadPath, *args: Any) -> int:
+        stiffened.append(path.model.is_finite)
+        return stiffen(path, *args)
 
     def closing(run: MeshRun) -> None:
         assert run.small is not None
@@ -229,9 +234,11 @@ def test_the_contact_of_the_pair_is_stiffened_as_often_as_that_of_the_problem(mo
         close(run)
 
     monkeypatch.setattr(MeshRun, "close", closing)
+    monkeypatch.setattr(LoadPath, "stiffen", stiffening)
     monkeypatch.setattr(one_discretisation, "LARGEST_PENETRATION", 0.0)  # as often as allowed
     finite_strain.solve(light_pair(), accuracy=0.1, steps=(1.0,), numerics=COARSER)
     coarse, main = penalties
     assert coarse[0] == relatively(coarse[1], 1e-12)
     assert main[0] == relatively(main[1], 1e-12)
+    assert set(stiffened) == {True, False}  # both step by step
     assert main[0].max() > 0.9 * STIFFER**ROUNDS * coarse[0].max()

@@ -172,6 +172,13 @@ def including() -> tuple[Any, Any, Any]:
     return mesh, meshtags(mesh, 3, cells.indices, values), facets
 
 
+def wedge(x: Any) -> tuple[Any, Any, Any]:
+    """Return a quarter of a body with a free side across x."""
+    mesh, cells, facets = block(x=x)
+    mesh.geometry.x[:, 0] *= 1.0 + 0.03 * mesh.geometry.x[:, 1]
+    return mesh, cells, facets
+
+
 WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "no file": (lambda: "nowhere.msh", r"mesh: the file nowhere\.msh does not exist"),
     "another file": (lambda: __file__, r"must be a \.msh file, .* got .*test_own_mesh\.py"),
@@ -182,8 +189,15 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "shifted": (lambda: block(z=tuple(z + 1.16 for z in Z)), r"got 0 to 1\.16 m"),
     "bulging": (bulging, r"must reach from z = -1\.16 to 0 m, got -1\.16 to 0\.001 m"),
     "a ball outside": (lambda: block(x=tuple(0.3 * x for x in X)), r"ball 1 at \(1, 0\) m needs .* got 0\.02 m"),
+    "a free side": (
+        lambda: wedge((*X[:7], 1.5)),
+        r"ball 1 at \(1, 0\) m needs 0\.\d+ m of mesh to every free side, got 0\.5",
+    ),
     "coarse": (lambda: block(x=X[::4], y=Y[::2]), r"at least 9 corners .* got 4; make the elements there smaller"),
-    "a hole": (hollow, r"a slab of one thickness without holes, got 10\.\d+ m\^3 under a top of 8\.84 m\^2; fill"),
+    "a hole": (
+        hollow,
+        r"a slab with vertical sides, without cavities, got 10\.\d+ m\^3 under a top of 8\.84 m\^2; fill",
+    ),
     "an inclusion": (
         including,
         r"needs the tag 1 \(layer\), got 1 without, got the tags 1, 7; a layer has one material",
@@ -225,13 +239,28 @@ def test_a_mesh_is_a_part_of_the_scene_only_at_its_mirror_planes() -> None:
         fitted(pair(replace(pair(0.1).load, values=(0.1, 0.12)), poisson=0.3), block())
 
 
-def pillar() -> tuple[Any, Any, Any]:
-    """Return a quarter of a pillar on a rigid base, whose outer sides are curved and free."""
-    mesh, cells, facets = block(x=PILLAR, y=PILLAR)
-    x, y = mesh.geometry.x[:, 0].copy(), mesh.geometry.x[:, 1].copy()
-    for axis, (along, across) in enumerate(((x, y), (y, x))):
-        mesh.geometry.x[:, axis] = along * (1.0 - 0.2 * (across / PILLAR[-1]) ** 2)
+def pillar(x: Any = PILLAR, y: Any = PILLAR) -> tuple[Any, Any, Any]:
+    """Return a pillar on a rigid base, from its planes of symmetry on, whose outer sides are curved and free."""
+    mesh, cells, facets = block(x=tuple(line - x[0] for line in x), y=y)
+    first, second = mesh.geometry.x[:, 0] + x[0], mesh.geometry.x[:, 1].copy()
+    mesh.geometry.x[:, 0] = first * (1.0 - 0.2 * (second / y[-1]) ** 2)
+    mesh.geometry.x[:, 1] = second * (1.0 - 0.2 * (first / x[-1]) ** 2)
     return mesh, cells, facets
+
+
+def test_the_pull_of_free_sides_is_the_derivative_of_the_energy_by_the_balls_position() -> None:
+    x = (-0.75, -0.5, -0.3, -0.18, -0.09, 0.0, 0.06, 0.12, 0.18, 0.24, 0.3, 0.36, 0.45, 0.6, 0.75)
+    problem, energies = at_small_strain(replace(single(0.04, poisson=0.45), layer=Layer(1.0, 0.45, 1.16))), []
+    meshed, last = pillar(x), finite_strain.Numerics(more_loads=())
+    for place in (0.15, 0.21, 0.18):
+        (step,) = finite_strain.solve(
+            replace(problem, balls=(replace(problem.balls[0], position=(place, 0.0)),)), model="small_strain",
+            accuracy=0.3, mesh=meshed, comm=COMM, numerics=last,
+        ).steps  # fmt: skip
+        energies.append(step.record["strain_energy"])
+    pull = (energies[0] - energies[1]) / 0.06
+    assert step.balls[0].tangential_force[0] == relatively(pull, 0.02)  # discretisation of the energies
+    assert abs(step.balls[0].tangential_force[0] - pull) < step.balls[0].tangential_force_error
 
 
 @pytest.mark.parametrize("model", ["small_strain", "finite_strain"])
@@ -261,6 +290,7 @@ def test_free_sides_may_push_a_pair() -> None:
         plan = plan_run(problem, 0.1, "finite_strain", fit=lambda *_, part=part: part)
         answers = Answers(plan, [Record(QUADRATIC), Record(CUBIC)])
         assert plan.has_free_sides is is_free
+        assert part[1].room == pytest.approx((2.4, 2.4) if is_free else (math.inf, math.inf))
         assert plan.is_paired is not is_free
         assert (answers._worst(errors) is None) is is_free  # the sum of T need not be zero
         assert (answers._imbalance(forces, errors)[1] == 1.0) is is_free
