@@ -1,8 +1,8 @@
 """A user's mesh: reads it, checks it against the problem, and tags it like the meshes that a run makes.
 
 Coordinates are in metres in the scene's frame; the top is z = 0. The mesh holds the whole scene or, if it ends at a
-mirror plane x = 0 or y = 0 of the scene, the part x > 0 or y > 0. Flat sides slide in their plane, as
-parts of an infinite layer; with other sides, which are free, the mesh is a body of its own.
+mirror plane x = 0 or y = 0 of the scene, the part x > 0 or y > 0. Flat sides slide in their plane, as parts
+of an infinite layer; with other sides, which are free, the mesh is a body of its own.
 """
 
 import hashlib
@@ -36,7 +36,6 @@ LEAST_NODES = 9
 """Fewest corners of elements under a ball's expected contact at full load: two elements across it."""
 CLEAR = 1.5
 """Least distance of a ball's axis from the mesh's sides, over the radius of its expected contact."""
-
 DIAGONAL = math.sqrt(2.0)
 """Factor on it for free sides: the block in which T is integrated is a square, and ends before them."""
 
