@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval2d
 from scipy.interpolate import griddata
 
 from linear_bem.arrays import Array
@@ -73,7 +74,7 @@ def contact_patch(points: Array, pressure: Array, pointed: bool = False) -> Patc
         return None
     angle = np.linspace(0.0, 2.0 * np.pi, RAYS)
     along = np.linspace(0.0, BEYOND, 400)[:, None]
-    squared = _powers(along * np.cos(angle), along * np.sin(angle), degree) @ factors
+    squared = polyval2d(along * np.cos(angle), along * np.sin(angle), _table(factors, degree))
     first = np.argmax(squared <= 0.0, axis=0)
     if np.any(first == 0):
         return None
@@ -81,7 +82,7 @@ def contact_patch(points: Array, pressure: Array, pointed: bool = False) -> Patc
     edge = (first - 1 + before / (before - after)) * (along[1, 0] - along[0, 0])
     ring = np.sin(np.linspace(0.0, 0.5 * np.pi, RINGS))[:, None] * edge  # close rings where the pressure falls steeply
     x, y = ring * np.cos(angle), ring * np.sin(angle)
-    values = peak * np.sqrt(np.maximum(_powers(x, y, degree) @ factors, 0.0))
+    values = peak * np.sqrt(np.maximum(polyval2d(x, y, _table(factors, degree)), 0.0))
     if pointed:
         ring_means = griddata(points - middle, pressure, (size * x, size * y), fill_value=0.0).mean(axis=1)[:, None]
         near = ring_means > WELL_INSIDE * peak
@@ -104,3 +105,10 @@ def _terms(degree: int) -> list[tuple[int, int]]:
 
 def _powers(x: Array, y: Array, degree: int) -> Array:
     return np.stack([x**i * y**j for i, j in _terms(degree)], axis=-1)
+
+
+def _table(factors: Array, degree: int) -> Array:
+    """Return the factors of x^i y^j at [i, j]."""
+    table = np.zeros((degree + 1, degree + 1))
+    table[tuple(np.transpose(_terms(degree)))] = factors
+    return table

@@ -199,8 +199,7 @@ main()
 """The command, which never saves an unfinished path by itself, says every moment how far it is, and draws nothing."""
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("waits_for", ["30 steps", "member 3 of 3"])
+@pytest.mark.parametrize(("number", "waits_for"), [(signal.SIGINT, "30 steps"), (signal.SIGTERM, "member 3 of 3")])
 def test_a_signal_keeps_what_is_computed(number: signal.Signals, waits_for: str, tmp_path: Path) -> None:
     file = tmp_path / "three.toml"
     file.write_text(TEXT, encoding="utf-8")
