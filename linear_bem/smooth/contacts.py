@@ -200,26 +200,20 @@ class SmoothContacts:
         displacement is `EVALUATED` (`EVALUATED_OF_MANY`).
         """
         scale = float(np.max(np.abs(self.approaches)))
-        xs, ys, depths, pressures, found = [], [], [], [], []
-        report = seldom(self.report, "residuals: ")
+        nodes = self.smooth.nodes[np.array(self.sample)]
+        zones, centre = nodes.zone, nodes.zone.centre.T[:, :, None]
+        xi, eta, _, p = zones.quadrature(3, 5)
+        edge = np.stack(zones.outline(7))
+        around = np.concatenate([centre + ring * (edge - centre) for ring in RINGS], axis=2)
+        x, y = np.concatenate([np.stack(zones.points(xi, eta)), around], axis=2)
+        p = np.pad(p / np.max(nodes.pressure, axis=1)[:, None], ((0, 0), (0, around.shape[2])))
+        gap, report = np.empty(x.shape), seldom(self.report, "residuals: ")
         for done, k in enumerate(self.sample):
             report(f"{done} of {len(self.sample)} contacts")
-            ball, n = self.touching[k], self.smooth.nodes[k]
-            zone = n.zone
-            xi, eta, _, p = zone.quadrature(3, 5)
-            x, y = zone.points(xi, eta)
-            ox, oy = zone.outline(7)
-            for ring in RINGS:
-                x = np.append(x, zone.centre[0] + ring * (ox - zone.centre[0]))
-                y = np.append(y, zone.centre[1] + ring * (oy - zone.centre[1]))
-            xs.append(x)
-            ys.append(y)
-            found.append(self.direct.displacement(k, x, y))
-            depths.append(self.approaches[ball] - height(self.problem.balls[ball])(x, y))
-            pressures.append(np.append(p / np.max(n.pressure), np.zeros(len(x) - len(p))))
-        p = np.concatenate(pressures)
-        gap = np.concatenate(found) - np.concatenate(depths)
-        free = (p == 0.0) & (self.pressure(np.concatenate(xs), np.concatenate(ys)) == 0.0)
+            ball = self.touching[k]
+            depth = self.approaches[ball] - height(self.problem.balls[ball])(x[done], y[done])
+            gap[done] = self.direct.displacement(k, x[done], y[done]) - depth
+        free = (p == 0.0) & (self.pressure(x, y) == 0.0)
         inside = float(np.max(np.abs(gap[p > 0.0])))
         outside = float(np.max(-gap[free], initial=0.0))
         product = float(np.max(np.abs(gap) * p))
