@@ -7,10 +7,10 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from linear_bem.arrays import Array, Mask
-from linear_bem.indenter import Paraboloid, Sphere
 from linear_bem.layer.ritz_indentation import estimates
 from linear_bem.media import Elastic, Layer, SurfaceResponse
 from linear_bem.problem import Problem
+from linear_bem.profiles import is_ball
 from linear_bem.touching import wrapped
 
 LINEAR_UP_TO = 0.25
@@ -44,7 +44,7 @@ def depth_faults(problem: Problem) -> list[str]:
     Under forces the approaches of single round balls are estimated. Approaches that result from forces, or from the
     extrapolation of a pair table, may exceed the layer's thickness: `large_strain_note` says so.
     """
-    is_round = np.array([isinstance(ball.indenter, Sphere | Paraboloid) for ball in problem.balls])
+    is_round = np.array([is_ball(ball) for ball in problem.balls])
     radii = np.array([ball.radius for ball in problem.balls])
     kind = problem.load.kind
     if isinstance(problem.layer, SurfaceResponse) or (kind != "approach" and not is_round.any()):
@@ -150,10 +150,7 @@ def overlap_note(problem: Problem, approaches: Array) -> tuple[str, ...]:
 
     `Problem` checks balls that rest on one plane; of equal balls the distance is least there.
     """
-    whole = [
-        k for k, ball in enumerate(problem.balls)
-        if isinstance(ball.indenter, Sphere | Paraboloid) and not ball.asperity
-    ]  # fmt: skip
+    whole = [k for k, ball in enumerate(problem.balls) if is_ball(ball) and not ball.asperity]
     radii = np.array([problem.balls[k].radius for k in whole])
     if len(set(radii)) < 2:
         return ()

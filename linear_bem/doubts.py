@@ -5,12 +5,12 @@ import math
 import numpy as np
 
 from linear_bem.depth import MEANINGLESS, ball_depth_note, dent, large_strain_note
-from linear_bem.indenter import HeightFunction, Indenter, Paraboloid, Sphere
+from linear_bem.dual import POINTED
+from linear_bem.indenter import HeightFunction, Indenter
 from linear_bem.lifted_balls import Contacts
 from linear_bem.problem import Ball
+from linear_bem.profiles import is_ball
 
-POINTED_SLOPE = 1e-3
-"""Slope right beside the axis that only a pointed tip exceeds."""
 NARROW = 3.0
 """Approach over the contact radius of an own profile from which a note doubts its units."""
 
@@ -43,7 +43,7 @@ def _is_pointed(ball: Ball) -> bool:
     x, y = near * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
     body = ball.indenter
     heights = body.height(x, y) if isinstance(body, Indenter) else body(x, y)
-    return bool(np.min(np.asarray(heights)) > POINTED_SLOPE * near)
+    return bool(np.min(np.asarray(heights)) > POINTED * near)
 
 
 def large_strain_notes(contacts: Contacts) -> tuple[str, ...]:
@@ -53,9 +53,8 @@ def large_strain_notes(contacts: Contacts) -> tuple[str, ...]:
     if any(MEANINGLESS in note for note in notes):
         return notes
     deep = tuple(f"{note}; finite_strain solves approaches up to about 0.9 of it" for note in notes)
-    round_balls = [k for k, ball in enumerate(problem.balls) if isinstance(ball.indenter, Sphere | Paraboloid)]
-    deepest = max((approaches[k] / problem.balls[k].radius for k in round_balls), default=0.0)
-    return deep + ball_depth_note(deepest)
+    shares = (d / ball.radius for d, ball in zip(approaches, problem.balls, strict=True) if is_ball(ball))
+    return deep + ball_depth_note(max(shares, default=0.0))
 
 
 def _given_by_base(contacts: Contacts) -> float:

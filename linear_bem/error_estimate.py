@@ -35,7 +35,7 @@ def pulls(contacts: Contacts, softest: float = 0.0, fading: float = math.inf) ->
 def felt(contacts: Contacts) -> Array:
     """Return `layer_pulls` [N] on every ball: the change of T per relative change of all pressures."""
     if isinstance(contacts, SmoothContacts):
-        reach = max(n.zone.reach for n in contacts.smooth.nodes)
+        reach = float(np.max(contacts.zones.reach))
     else:
         reach = math.sqrt(float(np.max(contacts.contact_areas)) / math.pi)
     return layer_pulls(contacts.kernel, *_with_images(contacts), reach)[: contacts.problem.size]
@@ -179,7 +179,7 @@ def errors_of_one(contacts: Contacts) -> Errors:
         return _at_prescribed_load(contacts, {name: own[name] * np.abs(v) for name, v in values.items()})
     gap = contacts.certificate["gap_in_contact"]
     radius = np.sqrt(np.maximum(contacts.contact_areas, 1e-300) / np.pi)
-    degree = contacts.smooth.nodes[0].zone.degree
+    degree = contacts.zones.degree
     depth = gap * float(np.max(np.abs(contacts.approaches)))
     peak = 4.0 * degree / radius * depth / (2.0 * np.pi * contacts.kernel.singular)
     share = peak / np.where(values["peak_pressure"] > 0.0, values["peak_pressure"], math.inf)

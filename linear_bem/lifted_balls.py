@@ -10,16 +10,14 @@ from scipy.spatial import cKDTree
 from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.grid.contacts import GridContacts
-from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import unloaded
 from linear_bem.problem import Problem
 from linear_bem.profiles import height
 from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.contacts import CHECKED, SmoothContacts
 from linear_bem.smooth.displacement import displacement_about
-from linear_bem.smooth.initial_guess import Start, light_touch, overlap, solve_smooth
-from linear_bem.smooth.newton import SmoothSolution
-from linear_bem.smooth.zone import Zone
+from linear_bem.smooth.initial_guess import Guess, Start, light_touch, overlap, solve_smooth
+from linear_bem.smooth.zone import Zone, stacked
 from linear_bem.touching import wrapped
 
 Contacts = SmoothContacts | GridContacts
@@ -42,11 +40,13 @@ class Touched(NotConverged):
         super().__init__("linear_bem: a ball assumed lifted touches the surface")
         self.zones, self.contacts = zones, contacts
 
-    def added_to(self, guess: Start) -> Start:
+    def added_to(self, guess: Guess) -> Start:
         """Return the initial guess with these contacts added."""
-        touching = sorted([*guess.touching, *self.zones])
-        known = {**dict(zip(guess.touching, guess.zones, strict=True)), **self.zones}
-        return Start(touching, [known[i] for i in touching], guess.approaches)
+        new = stacked(list(self.zones.values())).reframed(guess.zones.degree)
+        touching = (*guess.touching, *self.zones)
+        order = np.argsort(touching)
+        zones = stacked([*guess.zones, *new])[order]
+        return Start(guess.problem, guess.kernel, tuple(sorted(touching)), zones, guess.approaches)
 
 
 def rest(contacts: Contacts, ball: int) -> tuple[float, tuple[float, float]]:
@@ -125,31 +125,17 @@ def overlapping(contacts: Contacts) -> dict[int, tuple[float, tuple[float, float
 
 
 def smooth_state(
-    problem: Problem,
-    kernel: LayeredKernel,
-    degree: int,
-    start: Start | SmoothContacts,
-    precision: float,
-    pair_precision: float | None = None,
-    report: Report = silent,
+    start: Guess, degree: int, precision: float, pair_precision: float | None = None, report: Report = silent
 ) -> SmoothContacts:
     """Return the contacts at one degree; raises `Touched` or `Lost` if balls gain or lose contact, `NotConverged`.
 
     ``precision``, ``pair_precision`` and ``report`` are those of `solve_smooth`.
     """
-    touching = list(start.touching)
-    origin: Start | SmoothSolution = start if isinstance(start, Start) else start.smooth
-    approaches = start.approaches.copy()
-    smooth = solve_smooth(problem, kernel, degree, origin, touching, approaches, precision, pair_precision, report)
-    if overlap(kernel, smooth.nodes):
+    contacts = solve_smooth(start, degree, precision, pair_precision, report)
+    if overlap(start.kernel, contacts.zones):
         raise NotConverged("linear_bem: contacts of neighbouring balls merge; press them less deep")
-    approaches[touching] = smooth.approaches
-    if problem.load.kind == "total_force":
-        approaches[:] = smooth.approaches[0]
-    contacts = rested(
-        SmoothContacts(problem, kernel, tuple(touching), smooth, approaches, pair_precision or precision, report)
-    )
+    contacts = rested(contacts)
     found = overlapping(contacts)
     if found:
-        raise Touched({i: light_touch(problem.balls[i], place, d) for i, (d, place) in found.items()}, contacts)
+        raise Touched({i: light_touch(start.problem.balls[i], place, d) for i, (d, place) in found.items()}, contacts)
     return contacts

@@ -4,24 +4,31 @@ Two degrees for all balls would cost several times as much as one. The error of 
 exert on each other, so the largest ratio of both in the sample, times `UNSAMPLED`, gives the error on every ball. T is
 also proportional to the ball's own normal force: unless that is prescribed, its largest error in the sample, times
 `UNSAMPLED`, adds to the error of T.
+
+Each ball of `SmoothContacts.sample` is pressed alone, at a higher degree of p^2, into the surface that all others have
+displaced, by a direct sum over them. Its T follows from another direct sum. This shows the error from the solver's
+degrees, pairs and mesh. Only the pressures of the others are kept; their errors have an effect of second order.
 """
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from linear_bem.arrays import Array
 from linear_bem.error_estimate import errors_of_one, felt, least_error, pulls, quantities, reference_force
 from linear_bem.errors import NotConverged
 from linear_bem.far_field.kernel_split import RULES
-from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Touched, smooth_state
 from linear_bem.memory import require
 from linear_bem.problem import Problem
-from linear_bem.report import Report
+from linear_bem.profiles import Height, height
+from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.contacts import SmoothContacts
-from linear_bem.smooth.exact_sample import sample_error
-from linear_bem.smooth.initial_guess import Start, solve_smooth
-from linear_bem.smooth.many_balls import Lost
+from linear_bem.smooth.initial_guess import Guess, Start, solve_smooth
+from linear_bem.smooth.many_balls import Lost, sweep_zones
+from linear_bem.smooth.multipole import disc_nodes, interpolation
+from linear_bem.smooth.newton import Nodes
 from linear_bem.solution import Estimated, is_certified, require_certified
 
 SAMPLE = ", sample: "
@@ -52,6 +59,12 @@ FREE = {"approach": ("normal_force",), "force": ("approach",), "total_force": ("
 """Forces or approaches that are not prescribed, by kind of load."""
 CHANGES = 40
 """Largest number of times that balls may lose or find contact."""
+ALONE = 1e-5
+"""Largest last step of a single ball and precision of its equations; the solver's precision if that is less."""
+SHARPER = 4
+"""Increase of the degree of p^2 over the solver's."""
+WIDER, ROUND = 1.2, 10
+"""Radius of the disc on which a polynomial represents the others' displacement, over the contact's; its degree."""
 BYTES = 130e3
 """Memory per ball; measured: 60 kB at degree 4, 120 kB at degree 6."""
 
@@ -61,9 +74,7 @@ def require_memory(problem: Problem) -> None:
     require(BYTES * problem.size, f"linear_bem: {problem.size} balls", "take fewer balls or a larger machine")
 
 
-def solve_by_sample(
-    problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start, report: Report, size: int | None = None
-) -> Estimated:
+def solve_by_sample(guess: Start, wanted: float, report: Report, size: int | None) -> Estimated:
     """Return contacts of the lowest sufficient degree, or of the highest that converges, with a note.
 
     ``size`` is the number of sampled balls at equal steps, by default that for very many balls.
@@ -71,18 +82,18 @@ def solve_by_sample(
     """
     best: Estimated | None = None
     contacts: SmoothContacts | None = None
-    start, share = _rough(problem, kernel, guess, wanted, report)
+    start, share = _rough(guess, wanted, report)
     sharpest = max(AGAIN * wanted, FINEST)
     pairs = min(PAIRS * wanted, max(PULLED * share * wanted, sharpest))
-    wide = max(zone.reach for zone in start.zones) > WIDE * kernel.thickness
+    wide = bool(np.max(start.zones.reach) > WIDE * guess.kernel.thickness)
     for degree in DEGREES[wide:]:
         try:
-            contacts = _settled(problem, kernel, degree, start, wanted, pairs, report)
+            contacts = _settled(start, degree, wanted, pairs)
         except NotConverged:
             if contacts is None:
                 raise
             break
-        start = _start_of(contacts)
+        start = contacts
         if size is not None:
             contacts = replace(contacts, sampled=size)
         sample = f"{len(contacts.sample)} of {len(contacts.touching)} contacts"
@@ -102,60 +113,48 @@ def solve_by_sample(
     return best
 
 
-def _rough(problem: Problem, kernel: LayeredKernel, guess: Start, wanted: float, report: Report) -> tuple[Start, float]:
+def _rough(start: Start, wanted: float, report: Report) -> tuple[SmoothContacts, float]:
     """Return the contacts at degree 2, and the largest T there over the largest of `pulls`."""
-    start = guess
     for _ in range(CHANGES):
         try:
-            here = start.approaches.copy()
-            found = solve_smooth(problem, kernel, 2, start, start.touching, here, ROUGH, PAIRS * wanted, report)
+            contacts = solve_smooth(start, 2, ROUGH, PAIRS * wanted, report)
         except Lost as lost:
             start = _without(start, lost)
             continue
-        here[start.touching] = found.approaches
-        if problem.load.kind == "total_force":
-            here[:] = found.approaches[0]
-        contacts = SmoothContacts(problem, kernel, tuple(start.touching), found, here, PAIRS * wanted)
         largest = float(np.max(np.abs(contacts.mutual_force)))
-        return _start_of(contacts), largest / max(float(np.max(pulls(contacts))), 1e-300)
+        return contacts, largest / max(float(np.max(pulls(contacts))), 1e-300)
     raise NotConverged(f"linear_bem: balls lost contact {CHANGES} times; press them deeper or closer to equal depth")
 
 
-def _settled(
-    problem: Problem, kernel: LayeredKernel, degree: int, start: Start, wanted: float, pairs: float, report: Report
-) -> SmoothContacts:
+def _settled(start: SmoothContacts, degree: int, wanted: float, pairs: float) -> SmoothContacts:
     """Return the contacts at a degree, swept until T has settled: on a thin layer T is a small sum of large terms."""
-    contacts = _at_degree(problem, kernel, degree, start, SWEPT * wanted, pairs, report)
+    contacts = _at_degree(start, degree, SWEPT * wanted, pairs)
     left, most = LEFT * wanted * reference_force(contacts), float(np.max(felt(contacts)))
     if contacts.smooth.residual * most <= left:  # `felt` is 0 for a single ball
         return contacts
     try:
-        return _at_degree(problem, kernel, degree, _start_of(contacts), left / most, pairs, report)
+        return _at_degree(contacts, degree, left / most, pairs)
     except NotConverged:
         return contacts
 
 
-def _start_of(contacts: SmoothContacts) -> Start:
-    return Start(list(contacts.touching), [n.zone for n in contacts.smooth.nodes], contacts.approaches)
-
-
-def _at_degree(
-    problem: Problem, kernel: LayeredKernel, degree: int, start: Start, swept: float, pairs: float, report: Report
-) -> SmoothContacts:
+def _at_degree(before: SmoothContacts, degree: int, swept: float, pairs: float) -> SmoothContacts:
+    start: Guess = before
     for _ in range(CHANGES):
         try:
-            return smooth_state(problem, kernel, degree, start, swept, pairs, report)
+            return smooth_state(start, degree, swept, pairs, before.report)
         except Lost as lost:
-            report(f"{len(start.touching) - len(lost.kept)} ball(s) lose contact")
+            before.report(f"{len(start.touching) - len(lost.kept)} ball(s) lose contact")
             start = _without(start, lost)
         except Touched as touched:
-            report(f"{len(touched.zones)} ball(s) come into contact")
-            start = touched.added_to(_start_of(touched.contacts))
+            before.report(f"{len(touched.zones)} ball(s) come into contact")
+            start = touched.added_to(touched.contacts)
     raise NotConverged(f"linear_bem: balls changed contact {CHANGES} times; press them deeper or closer to equal depth")
 
 
-def _without(start: Start, lost: Lost) -> Start:
-    return Start([start.touching[k] for k in lost.kept], lost.zones, start.approaches)
+def _without(start: Guess, lost: Lost) -> Start:
+    touching = tuple(start.touching[k] for k in lost.kept)
+    return Start(start.problem, start.kernel, touching, lost.zones, start.approaches)
 
 
 def _judged(contacts: SmoothContacts, wanted: float, report: Report) -> Estimated:
@@ -192,3 +191,66 @@ def _judged(contacts: SmoothContacts, wanted: float, report: Report) -> Estimate
             f"{len(balls)} balls solved exactly differ by up to {accuracy['sample_error']:.0e}",
         )
     return Estimated(contacts, error, errors, notes, accuracy)
+
+
+@dataclass(frozen=True)
+class SampleError:
+    """Indices of the sample in ``touching``, errors of T and Q [N], largest relative error of forces and approaches."""
+
+    places: tuple[int, ...]
+    tangential_force: Array
+    normal_force: float
+    settled: float
+
+
+def sample_error(contacts: SmoothContacts, report: Report = silent) -> SampleError:
+    """Return the errors on the balls of the sample; that of T is infinite if a single ball finds no solution."""
+    direct, problem, shapes, report_part = contacts.direct, contacts.problem, [], seldom(report)
+    for done, k in enumerate(contacts.sample):
+        report_part(f"{done} of {len(contacts.sample)} contacts pressed into the others' surface")
+        zone = contacts.zones[k]
+        spread = WIDER * zone.reach
+        x, y = (c + spread * u for c, u in zip(zone.centre, disc_nodes(ROUND)[:2], strict=True))
+        others = direct.displacement(k, x, y, False)
+        shapes.append(_risen(height(problem.balls[contacts.touching[k]]), zone.centre, spread, others))
+    errors, normal_force, settled = [], 0.0, 0.0
+    for done, (k, alone) in enumerate(zip(contacts.sample, _alone(contacts, shapes), strict=True)):
+        report_part(f"{done} of {len(contacts.sample)} contacts solved exactly")
+        if alone is None:
+            errors.append(np.inf)
+            continue
+        ball, force, (here, approach) = contacts.touching[k], float(contacts.smooth.nodes[k].forces), alone
+        errors.append(float(np.max(np.abs(direct.force(k, here) - contacts.mutual_force[ball]))))
+        change = approach / contacts.approaches[ball] if problem.load.kind == "force" else here.forces / force
+        settled = max(settled, abs(float(change) - 1.0))
+        normal_force = max(normal_force, abs(here.forces - force) / contacts.kernel.singular)
+    return SampleError(contacts.sample, np.array(errors), normal_force, settled)
+
+
+def _alone(contacts: SmoothContacts, shapes: list[Height]) -> list[tuple[Nodes, float] | None]:
+    """Return nodes and approach [m] of each ball of the sample, solved alone with its shape; None: no solution."""
+    nodes = contacts.smooth.nodes[np.array(contacts.sample)]
+    zones, forces = nodes.zone.reframed(nodes.zone.degree + SHARPER), nodes.forces
+    approaches = contacts.approaches[[contacts.touching[k] for k in contacts.sample]]
+    given, precision = contacts.problem.load.kind == "force", min(ALONE, contacts.precision)
+
+    def solved(places: Sequence[int]) -> list[tuple[Nodes, float] | None]:
+        groups = [([at], forces[k]) for at, k in enumerate(places)] if given else []
+        here = [shapes[k] for k in places], zones[np.array(places)], approaches[list(places)]
+        try:
+            found = sweep_zones(contacts.kernel, *here, groups, precision, apart=True)
+        except NotConverged:
+            return [None] if len(places) == 1 else [one for k in places for one in solved([k])]
+        return list(zip(found.nodes, found.approaches.tolist(), strict=True))
+
+    return solved(range(len(nodes)))
+
+
+def _risen(profile: Height, centre: Array, spread: float, values: Array) -> Height:
+    """Return a ball's height above a surface that already has these displacements [m] on a disc's nodes."""
+
+    def shape(x: Array, y: Array) -> Array:
+        outside = interpolation((x - centre[0]) / spread, (y - centre[1]) / spread, ROUND) @ values
+        return np.asarray(profile(x, y) + outside)
+
+    return shape

@@ -149,7 +149,7 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
     guess = first_guess(problem, kernel, seldom(report, "first guess: "))
     if sample is not None or len(guess.touching) > CHECKED:
         try:
-            found = solve_by_sample(problem, kernel, wanted, guess, report, sample)
+            found = solve_by_sample(guess, wanted, report, sample)
         except NotConverged as failed:
             if problem.size > GRIDDED:
                 on_grids = "" if kernel.cell is not None else f"; up to {GRIDDED} balls are tried on grids as well"
@@ -160,14 +160,14 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
         kernel.cell is not None
         or wanted < ROUTES_SUFFICE
         or problem.size > GRID_FIRST
-        or not (_steep(problem, guess) or _wide(kernel, guess))
+        or not (_steep(guess) or np.max(guess.zones.radius) > WIDE * kernel.thickness)
     ):
-        smooth = _by_polynomials(problem, kernel, wanted, guess, report)
+        smooth = _by_polynomials(guess, wanted, report)
         if isinstance(smooth, Estimated):
             return smooth
         best = smooth
     if kernel.cell is None:
-        return _on_grids(problem, kernel, wanted, guess, report, best)
+        return _on_grids(guess, wanted, report, best)
     if best is not None and best.reached <= USABLE:
         return best.estimated(wanted)
     raise UnsupportedProblem(
@@ -209,21 +209,19 @@ class _Refined:
         return (unreached(limit, self.contacts, (self.reached, wanted), (max(shares), _enough(wanted))),)
 
 
-def _by_polynomials(
-    problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start, report: Report
-) -> Estimated | _Refined | None:
+def _by_polynomials(guess: Start, wanted: float, report: Report) -> Estimated | _Refined | None:
     """Return contacts of the lowest sufficient degree, or of the best degree if that nearly suffices.
 
     Otherwise the best degree for a comparison with grids, None if there is none.
     """
     candidates: list[_Refined] = []
     before: SmoothContacts | None = None
-    many = len(guess.touching) > DENSE or kernel.cell is not None
+    many = len(guess.touching) > DENSE or guess.kernel.cell is not None
     precision = min(1e-6, (1e-3 if many else 1e-4) * wanted)
     degrees = iter(DEGREES)
     while (degree := next(degrees, None)) is not None:
         try:
-            after = smooth_state(problem, kernel, degree, guess if before is None else before, precision, report=report)
+            after = smooth_state(before or guess, degree, precision, report=report)
         except Touched as touched:
             guess, before, candidates, degrees = touched.added_to(guess), None, [], iter(DEGREES)
             continue
@@ -257,12 +255,10 @@ def _by_polynomials(
     return best.estimated(wanted) if suffices else best
 
 
-def _on_grids(
-    problem: Problem, kernel: LayeredKernel, wanted: float, guess: Start, report: Report, smooth: _Refined | None
-) -> Estimated:
+def _on_grids(guess: Start, wanted: float, report: Report, smooth: _Refined | None) -> Estimated:
     """Return contacts on the coarsest sufficient grid; if none suffices, the better of finest grid and polynomials."""
     last: _Refined | None = None
-    levels, fits = grid_levels(problem, kernel, guess, report), "fits"
+    levels, fits = grid_levels(guess, report), "fits"
     while True:
         try:
             contacts = next(levels, None)
@@ -275,7 +271,7 @@ def _on_grids(
         if contacts is None:
             break
         if last is None:
-            last = _Refined(contacts, np.full(problem.size, np.inf), errors_of_one(contacts), np.inf, np.inf)
+            last = _Refined(contacts, np.full(guess.problem.size, np.inf), errors_of_one(contacts), np.inf, np.inf)
             continue
         error, settled = change(last.contacts, contacts)
         is_known = np.isfinite(last.reached)
@@ -299,20 +295,15 @@ def _on_grids(
     return Estimated(rested(last.contacts), error + missed_pulls(last.contacts), last.errors, notes)
 
 
-def _steep(problem: Problem, guess: Start) -> bool:
+def _steep(guess: Start) -> bool:
     """Return whether a contact comes close to the equator of its sphere, or is wide against the tip of its cone.
 
     The profiles are singular at r = R, and at r = i tan(slope) R: polynomials then converge slowly.
     """
     for i, zone in zip(guess.touching, guess.zones, strict=True):
-        ball = problem.balls[i]
+        ball = guess.problem.balls[i]
         if isinstance(ball.indenter, Sphere) and zone.radius > STEEP * ball.radius:
             return True
         if isinstance(ball.indenter, Cone) and zone.radius > POINTED * math.tan(ball.indenter.slope) * ball.radius:
             return True
     return False
-
-
-def _wide(kernel: LayeredKernel, guess: Start) -> bool:
-    """Return whether a contact is so wide against the layer that a grid costs less than the necessary degrees."""
-    return max(z.radius for z in guess.zones) > WIDE * kernel.thickness

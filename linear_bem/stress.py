@@ -25,7 +25,7 @@ from linear_bem.solution import Solution, solved
 
 FIELDS = {"u_r": 1, "u_z": 0, "sigma_z": 0, "tau_rz": 1, "sum": 0, "difference": 2}
 """Fields of a unit force by their names, and the orders of their Bessel functions; z points down."""
-PLANAR, VERTICAL = ("u_r", "u_z"), ("sigma_z",)
+PLANAR = ("u_r", "u_z")
 STRESSES = ("sigma_z", "tau_rz", "sum", "difference")
 SHALLOWEST = 0.02
 """Least depth over the widest contact's radius; nearer to the surface, the quadrature is too coarse for 1/r."""
@@ -48,7 +48,8 @@ def _table(layer: Elastic, substrate: Elastic | None, depth: float, name: str) -
     """
     log_t = np.linspace(np.log(1e-9), np.log(60.0), 900)
     t = np.exp(log_t)
-    values = _transformed(*_medium(layer, substrate, depth), interior_state(layer, substrate, t, depth), t)[name]
+    solid = layer if depth <= 1.0 or substrate is None else substrate
+    values = _transformed(solid, layer.shear_modulus, interior_state(layer, substrate, t, depth), t)[name]
     if depth <= 1.0:
         values = values - _transformed(layer, layer.shear_modulus, half_space_state(layer, depth * t), t)[name]
     spline = make_interp_spline(log_t, values, k=5)
@@ -59,10 +60,6 @@ def _table(layer: Elastic, substrate: Elastic | None, depth: float, name: str) -
     y = np.arange(0.0, np.arcsinh(3e3), 0.03)
     found = hankel(tabulated, np.sinh(y), FIELDS[name]) * np.cosh(y) ** (1 if name in PLANAR else 2)
     return even_spline(y, found, 10, odd=FIELDS[name] == 1), float(y[-1])
-
-
-def _medium(layer: Elastic, substrate: Elastic | None, depth: float) -> tuple[Elastic, float]:
-    return (substrate if depth > 1.0 and substrate is not None else layer), layer.shear_modulus
 
 
 def _boussinesq(nu: float, r: Array, z: float, name: str) -> Array:
@@ -172,4 +169,4 @@ def vertical_stress(solution: Solution, x: ArrayLike, y: ArrayLike, depth: float
     if isinstance(solution, Solution) and np.ndim(depth) == 0 and depth == 0.0:
         return -solution.pressure(*np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float)))
     _check_depth(solution, depth, "vertical_stress")
-    return _summed(solution, x, y, depth, VERTICAL)[0]
+    return _summed(solution, x, y, depth, ("sigma_z",))[0]

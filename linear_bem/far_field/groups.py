@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import label
@@ -27,11 +28,6 @@ class Groups:
     low: Array
     high: Array
     gap: float
-
-    @property
-    def sides(self) -> Array:
-        """Lengths of the rectangles [m], shape (groups, 2)."""
-        return self.high - self.low
 
 
 def groupings(centres: Array, margins: Array) -> Iterator[Groups]:
@@ -96,11 +92,11 @@ class UnlikePairs:
             total += 0.5 * (found - len(m)) if m is n else found
         return total
 
-    def within(self, reach: Callable[[Array, Array], Array]) -> tuple[Indices, Indices]:
+    def within(self, reach: Callable[[Any, Any], Any]) -> tuple[Indices, Indices]:
         """Return the indices of the pairs, each first below its second."""
         firsts, seconds = [], []
         for m, tree, a, n, other, b in self._of_classes():
-            most = float(reach(np.array(a), np.array(b)))
+            most = reach(a, b)
             if m is n:
                 i, j = tree.query_pairs(most, output_type="ndarray").T
             else:

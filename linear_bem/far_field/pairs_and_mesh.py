@@ -1,10 +1,9 @@
 r"""Near pairs and a mesh for the smooth far part of the layer's kernel: n loads interact in n log n operations.
 
 The near part of `linear_bem.far_field.kernel_split` is negligible beyond a few of its widths: it is summed over near
-pairs. The far part, with the tail 1/r of the half-space and of an elastic substrate, is a convolution on a mesh of
-spacing H = 0.4 widths (Hockney and Eastwood's P3M). On a rigid base K falls exponentially, and pairs beyond its range
-are left out. For groups of loads far apart, a coarse mesh over all groups holds a still smoother far part, and each
-group has a fine mesh for the difference. The cheapest of these methods is used.
+pairs. The far part is a convolution on a mesh (Hockney and Eastwood's P3M). On a rigid base K falls exponentially, and
+pairs beyond its range are left out. For groups of loads far apart, a coarse mesh over all groups holds a still smoother
+far part, and each group has a fine mesh for the difference. The cheapest of these methods is used.
 
 In a periodic cell, pairs include images, each with its shift, and the mesh holds the Fourier series of the far part:
 2 pi/k G(k h) less the near part's transform. `linear_bem.layer.cell` defines the whole kernel's value at k = 0.
@@ -13,6 +12,7 @@ In a periodic cell, pairs include images, each with its shift, and the mesh hold
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -89,38 +89,27 @@ class _Choice:
         self.pairs = UnlikePairs(centres, sizes)
         self.range = reach_of(kernel, 0.1 * precision)
         self.rule = next((rule for bound, rule in RULES if precision >= bound), None)
-        self.margin = AROUND * float(np.max(sizes))
 
-    def reach(self, cutoff: float, one: Array, other: Array) -> Array:
+    def reach(self, cutoff: float, one: Any, other: Any) -> Any:
         """Return the largest distance [m] of a near pair of loads of two sizes [m]."""
         around = AROUND * (one + other)
         return np.minimum(np.maximum(cutoff + around, self.least_ratio * np.maximum(one, other)), self.range + around)
 
-    def _last(self, cutoff: float) -> float:
-        largest = np.array(self.margin / AROUND)
-        return float(self.reach(cutoff, largest, largest))
-
     def near(self, cutoff: float) -> tuple[Indices, Indices]:
         """Return the near pairs for a cut-off distance [m] between nodes."""
-        if not np.isfinite(self._last(cutoff)):
-            first, second = np.triu_indices(len(self.centres), 1)
-            return first, second
         return self.pairs.within(lambda a, b: self.reach(cutoff, a, b))
 
     def _count(self, cutoff: float) -> float:
-        n = len(self.centres)
-        if not np.isfinite(self._last(cutoff)):
-            return 0.5 * n * (n - 1)
-        return self.pairs.count(lambda a, b: float(self.reach(cutoff, np.array(a), np.array(b))))
+        return self.pairs.count(lambda a, b: self.reach(cutoff, a, b))
 
     def best(self) -> tuple[NestedMesh, Split, float] | None:
         """Return mesh, split and cut-off distance [m] between nodes; None: pairs alone."""
-        n, rule = len(self.centres), self.rule
+        n, rule, largest = len(self.centres), self.rule, float(np.max(self.sizes))
         least, found = PAIR * self._count(np.inf), None
         if rule is None or n < 2 or least <= NODE * (2 * ORDER) ** 2 + BALL * n:
             return None
         for groups in groupings(self.centres, AROUND * self.sizes):
-            sides = groups.sides
+            sides = groups.high - groups.low
             apart = max(np.sqrt(np.sum(np.prod(sides, axis=1)) / n), np.sum(np.max(sides, axis=1)) / n)  # or in a row
             if apart <= 0.0:
                 continue
@@ -131,7 +120,7 @@ class _Choice:
             for size in _sizes(apart, self.kernel.thickness / rule.per_layer, 7):
                 split = Split.of(self.kernel, size, rule)
                 cutoff = split.step + rule.cut * split.width
-                if self._last(cutoff) >= groups.gap or (coarse is not None and size >= coarse):
+                if self.reach(cutoff, largest, largest) >= groups.gap or (coarse is not None and size >= coarse):
                     continue
                 cost = fixed + NODE * self._nodes(groups.low, groups.high, size)
                 if cost < least:

@@ -57,12 +57,7 @@ class ParticleMesh:
     """
 
     def __init__(
-        self,
-        low: Array,
-        high: Array,
-        spacing: float,
-        radial: Callable[[Array], Array],
-        owners: Indices | None = None,
+        self, low: Array, high: Array, spacing: float, radial: Callable[[Array], Array], owners: Indices | None = None
     ) -> None:
         self.spacing = np.full(2, spacing)
         self.nodes, self.doubled = mesh_shape(low, high, spacing)

@@ -1,67 +1,45 @@
 """Groups close balls on shared patches, so that the kernel between patches is smooth on their scale."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-
 import numpy as np
 
+from linear_bem.arrays import Array
 from linear_bem.grid.patches import Patch, Patches
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.problem import Problem
-from linear_bem.report import Report, silent
-
-
-@dataclass(frozen=True)
-class _Cluster:
-    """Balls on one patch: the bounding box of their axes [m], and how far the patch reaches beyond it [m]."""
-
-    members: tuple[int, ...]
-    low: tuple[float, float]
-    high: tuple[float, float]
-    margin: float
-
-    @property
-    def half_width(self) -> float:
-        return max(self.high[0] - self.low[0], self.high[1] - self.low[1]) / 2.0 + self.margin
-
-    def is_close(self, other: _Cluster) -> bool:
-        """Return whether the gap between the two patches is below 1.2 half widths of the larger one."""
-        gap = max(max(self.low[k] - other.high[k], other.low[k] - self.high[k]) for k in (0, 1))
-        return gap - self.margin - other.margin < 1.2 * max(self.half_width, other.half_width)
-
-    def merged(self, other: _Cluster) -> _Cluster:
-        return _Cluster(
-            self.members + other.members,
-            (min(self.low[0], other.low[0]), min(self.low[1], other.low[1])),
-            (max(self.high[0], other.high[0]), max(self.high[1], other.high[1])),
-            max(self.margin, other.margin),
-        )
+from linear_bem.report import Report
 
 
 def shared_patches(
-    problem: Problem, kernel: LayeredKernel, reach: dict[int, float], count: int, report: Report = silent
+    problem: Problem, kernel: LayeredKernel, reach: dict[int, float], count: int, report: Report
 ) -> Patches:
     """Return patches of at least ``count`` cells across; balls that are close share one.
 
     ``reach`` holds the half width [m] of a patch about each ball alone; ``report`` is that of `Patches`.
     """
-    clusters = [_Cluster((i,), b.position, b.position, reach[i]) for i, b in enumerate(problem.balls)]
-
-    def first_close() -> tuple[int, int] | None:
-        pairs = ((i, j) for i in range(len(clusters)) for j in range(i))
-        return next(((i, j) for i, j in pairs if clusters[i].is_close(clusters[j])), None)
-
-    while (pair := first_close()) is not None:
+    members = [[i] for i in range(problem.size)]
+    low, high, margin = problem.positions, problem.positions, np.array([reach[i] for i in range(problem.size)])
+    while (pair := _first_close(low, high, margin)) is not None:
         i, j = pair
-        clusters[j] = clusters[j].merged(clusters.pop(i))
-    order = 10 if len(clusters) <= 30 else 6
+        members[j] += members.pop(i)
+        low[j], high[j] = np.minimum(low[i], low[j]), np.maximum(high[i], high[j])
+        margin[j] = max(margin[i], margin[j])
+        low, high, margin = (np.delete(values, i, axis=0) for values in (low, high, margin))
     patches = []
-    for c in clusters:
-        cell = 2.0 * min(reach[i] for i in c.members) / count
-        sides = (c.high[0] - c.low[0] + 2.0 * c.margin, c.high[1] - c.low[1] + 2.0 * c.margin)
+    for balls, first, last, beyond in zip(members, low, high, margin, strict=True):
+        cell = 2.0 * min(reach[i] for i in balls) / count
         # even counts, so that the line between two equal balls falls between cells
-        nx, ny = (2 * int(np.ceil(0.5 * side / cell - 1e-9)) for side in sides)
-        centre = (0.5 * (c.low[0] + c.high[0]), 0.5 * (c.low[1] + c.high[1]))
-        patches.append(Patch(kernel, centre, cell, nx, ny, tuple(sorted(c.members)), order))
+        nx, ny = (2 * int(np.ceil(0.5 * side / cell - 1e-9)) for side in last - first + 2.0 * beyond)
+        x, y = (0.5 * (first + last)).tolist()
+        patches.append(Patch(kernel, (x, y), cell, nx, ny, tuple(sorted(balls)), 10 if len(members) <= 30 else 6))
     return Patches(kernel, patches, report)
+
+
+def _first_close(low: Array, high: Array, margin: Array) -> tuple[int, int] | None:
+    """Return the first two patches with a gap below 1.2 half widths of the larger one.
+
+    Patches reach ``margin`` (n,) [m] beyond the bounding boxes of their balls' axes, ``low`` to ``high`` (n, 2) [m].
+    """
+    half_width = 0.5 * np.max(high - low, axis=1) + margin
+    gap = np.max(np.maximum(low[:, None] - high, low - high[:, None]), axis=2) - margin[:, None] - margin
+    close = np.argwhere(np.tril(gap < 1.2 * np.maximum(half_width[:, None], half_width), -1))
+    return (int(close[0, 0]), int(close[0, 1])) if len(close) else None

@@ -224,20 +224,19 @@ def _heights(problem: Problem, patch: Patch) -> Array:
     return np.array([height(problem.balls[ball])(*patch.points) for ball in patch.members])
 
 
-def grid_levels(
-    problem: Problem, kernel: LayeredKernel, start: Start, report: Report = silent
-) -> Iterator[GridContacts]:
+def grid_levels(start: Start, report: Report = silent) -> Iterator[GridContacts]:
     """Yield the solutions on successive grids, each of half the previous spacing, up to `MOST_CELLS` cells.
 
     ``report`` receives a line per grid and occasional lines in between. Raises `UnsupportedProblem` if even the first
     grid would exceed `MOST_CELLS`, and `NotConverged`.
     """
+    problem = start.problem
     reach = {i: 1.3 * zone.reach for i, zone in zip(start.touching, start.zones, strict=True)}
     for i in range(problem.size):
         reach.setdefault(i, 0.5 * min(reach.values()))
     count, before = COARSEST, None
     for _ in range(12):
-        patches = shared_patches(problem, kernel, reach, count, report)
+        patches = shared_patches(problem, start.kernel, reach, count, report)
         cells = sum(p.nx * p.ny for p in patches.patches)
         if cells > MOST_CELLS:
             if before is None:
@@ -247,7 +246,7 @@ def grid_levels(
                 )
             return
         report(f"grid of {cells} cells: {len(patches.patches)} patch(es), {count} cells across one contact's patch")
-        contacts = _solve(problem, kernel, patches, start, before)
+        contacts = _solve(patches, start, before)
         if _enlarged(contacts, reach) or (before is None and _shrunk(contacts, reach)):
             continue
         yield contacts
@@ -258,10 +257,8 @@ def grid_levels(
         )
 
 
-def _solve(
-    problem: Problem, kernel: LayeredKernel, patches: Patches, start: Start, before: GridContacts | None
-) -> GridContacts:
-    load, report = problem.load, seldom(patches.report)
+def _solve(patches: Patches, start: Start, before: GridContacts | None) -> GridContacts:
+    problem, kernel, load, report = start.problem, start.kernel, start.problem.load, seldom(patches.report)
     approaches = start.approaches.copy() if before is None else before.approaches.copy()
     lifted = unloaded(load)
     loaded = [i for i in range(problem.size) if i not in lifted]

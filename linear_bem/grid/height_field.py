@@ -177,10 +177,10 @@ def _flat(whole: PeriodicPatch, above: Array, force: float | None, depth: float 
     """Return the contact of a flat surface under a force [N] or, on a compressible layer, at an approach [m]."""
     if force is not None:
         mean = force * whole.kernel.singular / (above.size * whole.cell**2)
-        depth = mean * whole.uniform if math.isfinite(whole.uniform) else 0.0
+        depth = mean * whole.kernel.uniform if math.isfinite(whole.kernel.uniform) else 0.0
     else:
         assert depth is not None
-        mean = depth / whole.uniform
+        mean = depth / whole.kernel.uniform
     return _found(whole, above, np.full(above.shape, mean), np.full(above.shape, depth), depth, 0)
 
 
@@ -273,11 +273,11 @@ def _prescribed(
             f"approach: must be greater than the lowest height, {lowest:g} m, to make contact, got "
             f"{loads['approach']:g} m"
         )
-    if not isinstance(whole, PeriodicPatch) or 0.0 < whole.uniform < math.inf:
+    if not isinstance(whole, PeriodicPatch) or 0.0 < whole.kernel.uniform < math.inf:
         return depth, math.nan
     if not depth < mean:
         medium = "half-space, whose displacement is measured from its mean"
-        if whole.uniform == 0.0:
+        if whole.kernel.uniform == 0.0:
             medium = "incompressible layer, whose surface keeps its mean height"
         raise InvalidProblem(
             f"approach: must be less than the mean height, {mean + lowest:g} m, on a periodic {medium}, got "

@@ -1,9 +1,7 @@
 r"""A periodic patch: pressure and displacement repeat with its sides, and are multiplied in Fourier space.
 
-A pressure of wave number k displaces the surface by 2 pi G(k h)/k times `LayeredKernel.singular`. At k = 0, uniform:
-the pressure compresses a layer on a rigid base by 2 pi h G'(0) (0 if incompressible) and moves a half-space to
-infinity. There displacements are measured from their mean [Stanley and Kato 1997, J. Tribol. 119, 481, doi
-10.1115/1.2833523].
+A pressure of wave number k displaces the surface by 2 pi G(k h)/k times `LayeredKernel.singular`. At k = 0 this is
+`LayeredKernel.uniform`; where that is infinite, displacements are measured from their mean (`linear_bem.layer.cell`).
 """
 
 from dataclasses import dataclass
@@ -21,18 +19,13 @@ class PeriodicPatch(Patch):
     """A patch that is one period."""
 
     @cached_property
-    def uniform(self) -> float:
-        """Displacement per uniform pressure times ``singular`` [m]; infinite on an elastic base, 0 at nu = 0.5."""
-        return self.kernel.uniform
-
-    @cached_property
     def _symbol(self) -> Array:
         kx = 2.0 * np.pi * fft.fftfreq(self.nx, self.cell)[:, None]
         ky = 2.0 * np.pi * fft.rfftfreq(self.ny, self.cell)[None, :]
         k = np.hypot(kx, ky)
         k[0, 0] = 1.0
         symbol = 2.0 * np.pi * self.kernel.response_at(k) / k
-        symbol[0, 0] = 0.0 if np.isinf(self.uniform) else self.uniform
+        symbol[0, 0] = self.kernel.uniform if np.isfinite(self.kernel.uniform) else 0.0
         return np.asarray(symbol)
 
     def complete(self, heights: Array) -> float:

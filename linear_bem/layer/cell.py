@@ -1,16 +1,13 @@
 r"""A rectangular periodic cell of the surface: images of points, and the displacement by the mean pressure (k = 0).
 
-The kernel's sum over all images of a load is a Fourier series over the waves of the cell. Its wave k = 0 is the uniform
-pressure p. Under it a layer of thickness h, which cannot extend sideways, is compressed by
+Under a uniform pressure p a layer of thickness h, which cannot extend sideways, is compressed by
 
     w0 = h (1 + nu) (1 - 2 nu) / (E (1 - nu)) p
 
 (the oedometric compliance, 2 pi h G'(0) times `LayeredKernel.singular` on a rigid base), and an elastic half-space
-below it moves down without limit, as it is at rest at no depth. Displacements and approaches are therefore measured
-from the mean level of the layer's underside: on a rigid base (the limit of a stiff substrate) that is the base. On a
-half-space without a layer, they are measured from the mean level of its surface, w0 = 0 [Stanley and Kato 1997,
-J. Tribol. 119, 481, doi 10.1115/1.2833523]. If forces are prescribed, forces, differences of approaches and T do not
-depend on this reference level.
+below it moves down without limit. Displacements and approaches are therefore measured from the mean level of the
+layer's underside, on a half-space without a layer from that of its surface, w0 = 0 [Stanley and Kato 1997, J. Tribol.
+119, 481, doi 10.1115/1.2833523]. If forces are prescribed, forces, differences of approaches and T do not depend on it.
 """
 
 from __future__ import annotations

@@ -2,17 +2,14 @@ r"""The response G(t) of a layered half-space to a pressure that varies like a c
 
 A pressure p cos(k x) on an elastic half-space (E, nu) displaces its surface down by
 w = 2 (1 - nu^2) / (E k) p cos(k x). On a layer of thickness h bonded to another half-space the same
-holds with the layer's constants and a factor G(t), t = k h,
+holds with the layer's constants and a factor G(t), t = k h, derived in linear_bem/README.md,
 
     G = [1 + 4 kap t e - lam kap e^2] / [(1 - lam e)(1 - kap e) - 4 kap t^2 e],   e = exp(-2 t),
     kap = (mu - 1) / (mu + 3 - 4 nu1),   lam = 1 - 4 (1 - nu1) / (1 + mu (3 - 4 nu2)),   mu = G1 / G2.
 
-Derivation: Papkovich-Neuber (or Love) functions give the layer four and the base two exponentials;
-two conditions at z = 0 (given pressure, no shear) and four at z = -h (bond) fix them. kap and lam are
-Dundurs-like contrasts of the two materials, so that equal materials (both 0) give G = 1, a rigid base
-is mu = 0, and t -> 0 gives the substrate's compliance. Sources: [Burmister 1945, J. Appl. Phys.
-16, 89, doi 10.1063/1.1707558], [Chen and Engel 1972, Int. J. Solids Struct. 8, 1257,
-doi 10.1016/0020-7683(72)90079-0]; thin limits [Johnson 1985, Contact Mechanics, section 5.8].
+kap and lam are Dundurs-like contrasts: equal materials (both 0) give G = 1, a rigid base is mu = 0.
+Sources: [Burmister 1945, J. Appl. Phys. 16, 89, doi 10.1063/1.1707558], [Chen and Engel 1972, Int. J. Solids Struct. 8,
+1257, doi 10.1016/0020-7683(72)90079-0]; thin limits [Johnson 1985, Contact Mechanics, section 5.8].
 """
 
 from functools import lru_cache

@@ -12,8 +12,7 @@ from linear_bem.lifted_balls import smooth_state
 from linear_bem.load_control import force_groups, unloaded
 from linear_bem.problem import Problem
 from linear_bem.sequence.linearised import LinearisedContacts, LinearState
-from linear_bem.smooth.contacts import SmoothContacts
-from linear_bem.smooth.initial_guess import Start, first_guess
+from linear_bem.smooth.initial_guess import Guess, first_guess
 from linear_bem.smooth.tangential_forces import half_space_pulls
 from linear_bem.solver import solve_contact
 
@@ -100,14 +99,13 @@ class ContactSequence:
     def _started(self, problem: Problem) -> SequenceState | None:
         """Return the state by the lowest sufficient degree, None if none suffices."""
         kernel = LayeredKernel.of(problem)
-        start: Start | SmoothContacts = first_guess(problem, kernel)
+        start: Guess = first_guess(problem, kernel)
         for degree in (2, *DEGREES):
-            contacts = smooth_state(problem, kernel, degree, start, 1e-3 * self.accuracy)
+            contacts = smooth_state(start, degree, 1e-3 * self.accuracy)
             start, self._approaches = contacts, contacts.approaches
             if degree not in DEGREES:
                 continue
-            zones = [n.zone for n in contacts.smooth.nodes]
-            state = self._warm(problem, LinearisedContacts(problem, kernel, contacts.touching, zones))
+            state = self._warm(problem, LinearisedContacts(problem, kernel, contacts.touching, contacts.zones))
             if state is not None:
                 return state
         return None

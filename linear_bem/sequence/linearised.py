@@ -55,7 +55,7 @@ class _Exchange:
     places: Array
     receive: Array
     loads: Array
-    matrices: list[Array]
+    matrices: Array
 
 
 @dataclass(frozen=True)
@@ -74,36 +74,30 @@ class _Pairs:
 class LinearisedContacts:
     """The equations of touching balls linearised about their ``zones``; ``touching`` are the balls' indices."""
 
-    def __init__(self, problem: Problem, kernel: LayeredKernel, touching: tuple[int, ...], zones: list[Zone]) -> None:
+    def __init__(self, problem: Problem, kernel: LayeredKernel, touching: tuple[int, ...], zones: Zone) -> None:
         self.kernel, self.touching, self.zones = kernel, touching, zones
         self.places = problem.positions[list(touching)]
         rule = Rule.of(zones, kernel.thickness)
-        self.nodes = [Nodes.of(z, rule) for z in zones]
-        self.tests = [n.variations.T * n.weights for n in self.nodes]
-        self.rise, self.derivative, slope, slope_change = [], [], [], []
-        for i, n, test in zip(touching, self.nodes, self.tests, strict=True):
-            w, derivative = own_displacement(kernel, n, rule)
-            ball = problem.balls[i]
-            profile = np.stack(gradient(ball, n.x, n.y))
-            self.rise.append(w + height(ball)(n.x, n.y))
-            self.derivative.append(derivative)
-            slope.append(-profile @ n.loads)
-            slope_change.append(-profile @ test.T)
-        self.slope, self.slope_change = np.array(slope), np.array(slope_change)
-        self.own = np.array([t @ d for t, d in zip(self.tests, self.derivative, strict=True)])
-        self.right = np.array([-t @ v for t, v in zip(self.tests, self.rise, strict=True)])
-        self.total = np.array([t.sum(axis=1) for t in self.tests])
-        self.force = np.array([n.force for n in self.nodes])
-        self.radius = np.array([z.reach for z in zones])
+        self.nodes = Nodes.of(zones, rule)
+        self.tests = self.nodes.tests
+        at = [(problem.balls[i], x, y) for i, x, y in zip(touching, self.nodes.x, self.nodes.y, strict=True)]
+        profile = np.array([gradient(ball, x, y) for ball, x, y in at])
+        w, self.derivative = own_displacement(kernel, self.nodes, rule)
+        self.rise = w + np.array([height(ball)(x, y) for ball, x, y in at])
+        self.slope = -np.einsum("nck,nk->nc", profile, self.nodes.loads)
+        self.slope_change = -profile @ np.swapaxes(self.tests, 1, 2)
+        self.own = self.tests @ self.derivative
+        self.right = -np.einsum("ntk,nk->nt", self.tests, self.rise)
+        self.total = self.tests.sum(axis=2)
+        self.force = self.nodes.forces
         self.exchanges = {d: self._exchange(d) for d in (FAR_DEGREE, NEAR_DEGREE)}
 
     def _exchange(self, degree: int) -> _Exchange:
-        u, v, _ = disc_nodes(degree)
-        matrices = [interpolation(n.xi, n.eta, degree) for n in self.nodes]
+        matrices = interpolation(self.nodes.xi, self.nodes.eta, degree)
         return _Exchange(
-            places=np.array([n.zone.points(u, v) for n in self.nodes]) - self.places[:, :, None],
-            receive=np.array([t @ m for t, m in zip(self.tests, matrices, strict=True)]),
-            loads=np.array([n.loads @ m for n, m in zip(self.nodes, matrices, strict=True)]),
+            places=np.stack(self.zones.points(*disc_nodes(degree)[:2]), axis=1) - self.places[:, :, None],
+            receive=self.tests @ matrices,
+            loads=np.einsum("nk,nka->na", self.nodes.loads, matrices),
             matrices=matrices,
         )
 
@@ -127,7 +121,7 @@ class LinearisedContacts:
     def _pairs(self, places: Array) -> list[_Pairs]:
         first, second = np.triu_indices(len(places), 1)
         apart = np.hypot(*(places[first] - places[second]).T)
-        far = apart > FAR * (self.radius[first] + self.radius[second])
+        far = apart > FAR * (self.zones.reach[first] + self.zones.reach[second])
         out = []
         for degree, chosen in ((FAR_DEGREE, far), (NEAR_DEGREE, ~far)):
             i, j = first[chosen], second[chosen]
@@ -160,28 +154,25 @@ class LinearisedContacts:
             force = np.stack([np.sum(both * p.dx, axis=(1, 2)), np.sum(both * p.dy, axis=(1, 2))], axis=1)
             np.add.at(pull, p.first, force)
             np.add.at(pull, p.second, -force)
-        gap = 0.0
-        for k, (v, d) in enumerate(zip(self.rise, self.derivative, strict=True)):
-            w = v + d @ delta[k] - approaches[k]
-            for degree, exchange in self.exchanges.items():
-                w = w + exchange.matrices[k] @ outside[degree][k]
-            gap = max(gap, float(np.max(np.abs(w))))
-        largest = np.array([np.max(np.abs(z.coefficients)) for z in self.zones])
+        w = self.rise + np.einsum("nkt,nt->nk", self.derivative, delta) - approaches[:, None]
+        for degree, exchange in self.exchanges.items():
+            w = w + np.einsum("nka,na->nk", exchange.matrices, outside[degree])
         return LinearState(
             change=delta,
             approaches=approaches,
             forces=self.force + np.einsum("nt,nt->n", self.total, delta),
             mutual_force=pull / self.kernel.singular,
             slope_force=(self.slope + np.einsum("nct,nt->nc", self.slope_change, delta)) / self.kernel.singular,
-            drift=float(np.max(np.abs(delta) / largest[:, None])),
-            gap=gap,
+            drift=float(np.max(np.abs(delta) / self._largest()[:, None])),
+            gap=float(np.max(np.abs(w))),
         )
 
-    def moved(self, places: Array, change: Array) -> list[Zone]:
+    def _largest(self) -> Array:
+        return np.asarray(np.max(np.abs(self.zones.coefficients), axis=1))
+
+    def moved(self, places: Array, change: Array) -> Zone:
         """Return the zones with changed coefficients, moved to the new ``places`` of the axes [m]."""
-        out = []
-        for zone, old, new, delta in zip(self.zones, self.places, places, change, strict=True):
-            length = min(1.0, 0.6 * float(np.max(np.abs(zone.coefficients)) / max(np.max(np.abs(delta)), 1e-300)))
-            here = replace(zone, centre=zone.centre + new - old, coefficients=zone.coefficients + length * delta)
-            out.append(here.reframed(zone.degree))
-        return out
+        length = np.minimum(1.0, 0.6 * self._largest() / np.maximum(np.max(np.abs(change), axis=1), 1e-300))
+        coefficients = self.zones.coefficients + length[:, None] * change
+        zones = replace(self.zones, centre=self.zones.centre + places - self.places, coefficients=coefficients)
+        return zones.reframed(zones.degree)

@@ -1,6 +1,5 @@
 """Solved smooth contacts: pressures, displacement anywhere on the surface, outlines, forces, residuals."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -8,11 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from linear_bem.arrays import Array, Mask
+from linear_bem.arrays import Array
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import force_error
 from linear_bem.problem import Problem
-from linear_bem.profiles import height
+from linear_bem.profiles import gradient, height
 from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.displacement import (
     FEW,
@@ -21,9 +20,9 @@ from linear_bem.smooth.displacement import (
     displacement_of_many,
     zone_displacement,
 )
-from linear_bem.smooth.newton import Nodes, SmoothSolution
-from linear_bem.smooth.tangential_forces import mutual_force, slope_force
-from linear_bem.smooth.zone import stacked
+from linear_bem.smooth.multipole import Interaction
+from linear_bem.smooth.newton import SmoothSolution
+from linear_bem.smooth.zone import Zone
 from linear_bem.touching import wrapped
 
 EVALUATED, EVALUATED_OF_MANY = 1e-7, 1e-6
@@ -56,7 +55,12 @@ class SmoothContacts:
     @property
     def unknowns(self) -> int:
         """Number of pressure coefficients."""
-        return sum(len(n.zone.coefficients) for n in self.smooth.nodes)
+        return self.zones.coefficients.size
+
+    @property
+    def zones(self) -> Zone:
+        """The contact zones."""
+        return self.smooth.nodes.zone
 
     @property
     def iterations(self) -> int:
@@ -66,28 +70,35 @@ class SmoothContacts:
     @cached_property
     def normal_forces(self) -> Array:
         """Normal force on every ball [N]."""
-        return self._scatter([n.force / self.kernel.singular for n in self.smooth.nodes])
+        return self._scatter(self.smooth.nodes.forces / self.kernel.singular)
 
     @cached_property
     def mutual_force(self) -> Array:
-        """T on every ball [N] by the mutual formula, shape (balls, 2)."""
-        return self._scatter(mutual_force(self.kernel, self.smooth.nodes, self.precision, seldom(self.report, "T: ")))
+        """T on every ball [N] by the mutual formula, see `Interaction.force`, shape (balls, 2)."""
+        report = seldom(self.report, "T: ")
+        return self._scatter(Interaction(self.kernel, self.smooth.nodes, self.precision, report).force())
 
     @cached_property
     def slope_force(self) -> Array:
-        """T on every ball [N] by the paper's slope integral, shape (balls, 2)."""
-        balls = [self.problem.balls[i] for i in self.touching]
-        return self._scatter(slope_force(self.kernel, balls, self.smooth.nodes, seldom(self.report, "T: ")))
+        """T on every ball [N] by the paper's slope integral (eq. 13), -int p grad f dA, shape (balls, 2)."""
+        report, total = seldom(self.report, "T: "), []
+        for i, n in zip(self.touching, self.smooth.nodes, strict=True):
+            total.append([-n.loads @ slope for slope in gradient(self.problem.balls[i], n.x, n.y)])
+            report(f"{len(total)} of {len(self.touching)} slope integrals")
+        return self._scatter(np.array(total) / self.kernel.singular)
 
     @cached_property
     def peak_pressures(self) -> Array:
         """Largest contact pressure under every ball [Pa]."""
-        return self._scatter(_peaks(self.smooth.nodes) / self.kernel.singular)
+        nodes = self.smooth.nodes
+        best = np.argmax(nodes.pressure, axis=1)[:, None]
+        xi, eta = (np.take_along_axis(v, best, 1)[:, 0] for v in (nodes.xi, nodes.eta))
+        return self._scatter(np.sqrt(np.maximum(nodes.zone.peaks(xi, eta), 0.0)) / self.kernel.singular)
 
     @cached_property
     def contact_areas(self) -> Array:
         """Contact area of every ball [m^2]."""
-        return self._scatter([float(np.sum(n.weights)) for n in self.smooth.nodes])
+        return self._scatter(np.sum(self.smooth.nodes.weights, axis=1))
 
     @property
     def elastic_energy(self) -> float:
@@ -106,10 +117,10 @@ class SmoothContacts:
     def point_loads(self, depth: float) -> tuple[Array, Array, Array]:
         """Return positions x, y [m] and point loads [N] that replace the pressure for fields at a depth [m]."""
         loads = []
-        for n in self.smooth.nodes:
-            fine = int(np.clip(4.0 * n.zone.radius / depth, 1.0, 130.0))
-            xi, eta, w, p = n.zone.quadrature(10 + fine, 24 + 6 * fine)
-            loads.append((*n.zone.points(xi, eta), w * p / self.kernel.singular))
+        for zone in self.zones:
+            fine = int(np.clip(4.0 * zone.radius / depth, 1.0, 130.0))
+            xi, eta, w, p = zone.quadrature(10 + fine, 24 + 6 * fine)
+            loads.append((*zone.points(xi, eta), w * p / self.kernel.singular))
         x, y, load = (np.concatenate(parts) for parts in zip(*loads, strict=True))
         return x, y, load
 
@@ -117,20 +128,18 @@ class SmoothContacts:
         """Return points x, y [m] on the edge of one ball's contact (empty if it does not touch)."""
         if ball not in self.touching:
             return np.empty(0), np.empty(0)
-        return self.smooth.nodes[self.touching.index(ball)].zone.outline(count)
+        return self.zones[self.touching.index(ball)].outline(count)
 
     def pressure(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the contact pressure [Pa] at surface points [m]."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         flat, total = np.stack([x.ravel(), y.ravel()], axis=1), np.zeros(x.size)
-        if self.kernel.cell is None:
-            tree = cKDTree(flat)
-            for zone in (n.zone for n in self.smooth.nodes):
-                close = tree.query_ball_point(zone.centre, FRAME * zone.reach)
-                total[close] += zone.pressure(*flat[close].T)
-        else:
-            for zone in (n.zone for n in self.smooth.nodes):
-                total += zone.pressure(*(zone.centre + self.kernel.cell.nearest(flat - zone.centre)).T)
+        cell, centres = self.kernel.cell, wrapped(self.zones.centre, self.problem.cell)
+        tree = cKDTree(wrapped(flat, self.problem.cell), boxsize=self.problem.cell)
+        for zone, close in zip(self.zones, tree.query_ball_point(centres, FRAME * self.zones.reach), strict=True):
+            if close:
+                at = flat[close] if cell is None else zone.centre + cell.nearest(flat[close] - zone.centre)
+                total[close] += zone.pressure(*at.T)
         return total.reshape(x.shape) / self.kernel.singular
 
     def displacement(self, x: ArrayLike, y: ArrayLike) -> Array:
@@ -157,8 +166,7 @@ class SmoothContacts:
         nodes, count = self.smooth.nodes, self.sampled or SAMPLED
         if self.sampled is None and len(nodes) <= CHECKED:
             return tuple(range(len(nodes)))
-        centres, reach = np.array([n.zone.centre for n in nodes]), np.array([n.zone.reach for n in nodes])
-        places = wrapped(centres, self.problem.cell)
+        reach, places = self.zones.reach, wrapped(self.zones.centre, self.problem.cell)
         among = np.arange(min(NEIGHBOURS + 1, len(nodes))) + 1  # an array, so that even a single contact gives columns
         away, near = cKDTree(places, boxsize=self.problem.cell).query(places, among)
         touching = list(self.touching)
@@ -192,26 +200,20 @@ class SmoothContacts:
         displacement is `EVALUATED` (`EVALUATED_OF_MANY`).
         """
         scale = float(np.max(np.abs(self.approaches)))
-        xs, ys, depths, pressures, found = [], [], [], [], []
-        report = seldom(self.report, "residuals: ")
+        nodes = self.smooth.nodes[np.array(self.sample)]
+        zones, centre = nodes.zone, nodes.zone.centre.T[:, :, None]
+        xi, eta, _, p = zones.quadrature(3, 5)
+        edge = np.stack(zones.outline(7))
+        around = np.concatenate([centre + ring * (edge - centre) for ring in RINGS], axis=2)
+        x, y = np.concatenate([np.stack(zones.points(xi, eta)), around], axis=2)
+        p = np.pad(p / np.max(nodes.pressure, axis=1)[:, None], ((0, 0), (0, around.shape[2])))
+        gap, report = np.empty(x.shape), seldom(self.report, "residuals: ")
         for done, k in enumerate(self.sample):
             report(f"{done} of {len(self.sample)} contacts")
-            ball, n = self.touching[k], self.smooth.nodes[k]
-            zone = n.zone
-            xi, eta, _, p = zone.quadrature(3, 5)
-            x, y = zone.points(xi, eta)
-            ox, oy = zone.outline(7)
-            for ring in RINGS:
-                x = np.append(x, zone.centre[0] + ring * (ox - zone.centre[0]))
-                y = np.append(y, zone.centre[1] + ring * (oy - zone.centre[1]))
-            xs.append(x)
-            ys.append(y)
-            found.append(self.direct.displacement(k, x, y))
-            depths.append(self.approaches[ball] - height(self.problem.balls[ball])(x, y))
-            pressures.append(np.append(p / np.max(n.pressure), np.zeros(len(x) - len(p))))
-        p = np.concatenate(pressures)
-        gap = np.concatenate(found) - np.concatenate(depths)
-        free = (p == 0.0) & ~self._covered(xs, ys)
+            ball = self.touching[k]
+            depth = self.approaches[ball] - height(self.problem.balls[ball])(x[done], y[done])
+            gap[done] = self.direct.displacement(k, x[done], y[done]) - depth
+        free = (p == 0.0) & (self.pressure(x, y) == 0.0)
         inside = float(np.max(np.abs(gap[p > 0.0])))
         outside = float(np.max(-gap[free], initial=0.0))
         product = float(np.max(np.abs(gap) * p))
@@ -223,34 +225,8 @@ class SmoothContacts:
             "load": force_error(self.problem.load, self.normal_forces),
         }
 
-    def _covered(self, xs: list[Array], ys: list[Array]) -> Mask:
-        """Return the mask of the points around each zone that lie in the contact of any zone."""
-        zones = [n.zone for n in self.smooth.nodes]
-        centres = np.array([z.centre for z in zones])
-        size = np.array([1.4 * z.reach for z in zones])
-        out = []
-        for k, x, y in zip(self.sample, xs, ys, strict=True):
-            centre = centres[k]
-            spread = float(np.max(np.hypot(x - centre[0], y - centre[1])))
-            inside = np.zeros(len(x), dtype=bool)
-            away = centres - centre if self.kernel.cell is None else self.kernel.cell.nearest(centres - centre)
-            for j in np.flatnonzero(np.hypot(*away.T) < spread + size):
-                at = np.stack([x, y], axis=1)
-                if self.kernel.cell is not None:
-                    at = centres[j] + self.kernel.cell.nearest(at - centres[j])
-                inside |= zones[j].pressure(*at.T) > 0.0
-            out.append(inside)
-        return np.concatenate(out)
-
     def _scatter(self, values: ArrayLike) -> Array:
         values = np.asarray(values, dtype=float)
         out = np.zeros((self.problem.size, *values.shape[1:]))
         out[list(self.touching)] = values
         return out
-
-
-def _peaks(nodes: Sequence[Nodes]) -> Array:
-    """Return the largest pressure of every zone, times ``singular``."""
-    best = [int(np.argmax(n.pressure)) for n in nodes]
-    xi, eta = np.array([(n.xi[k], n.eta[k]) for n, k in zip(nodes, best, strict=True)]).T
-    return np.sqrt(np.maximum(stacked([n.zone for n in nodes]).peaks(xi, eta), 0.0))

@@ -1,13 +1,13 @@
 """Surface displacement and T at any points, by sums over smooth contacts."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from linear_bem.arrays import Array, Indices
-from linear_bem.far_field.pairs_and_mesh import cell_split
+from linear_bem.far_field.pairs_and_mesh import AROUND, cell_split
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.report import Report, silent
 from linear_bem.smooth.multipole import (
@@ -18,10 +18,9 @@ from linear_bem.smooth.multipole import (
     interpolation,
     point_displacement,
 )
-from linear_bem.smooth.newton import Nodes, NodeStack, Rule
+from linear_bem.smooth.newton import Nodes, Rule
 from linear_bem.smooth.polynomials import basis
-from linear_bem.smooth.zone import stacked
-from linear_bem.smooth.zone_stack import ZoneStack
+from linear_bem.smooth.zone import Zone
 
 FEW = 6
 """Largest number of contacts that are all integrated at every point."""
@@ -40,16 +39,16 @@ AT_ONCE = 2000
 """Points that a sum over a contact's nodes evaluates together, to bound its memory: 5 MB at 60 nodes."""
 
 
-def displacement_of_many(kernel: LayeredKernel, nodes: Sequence[Nodes], x: Array, y: Array) -> Array:
+def displacement_of_many(kernel: LayeredKernel, nodes: Nodes, x: Array, y: Array) -> Array:
     """Return the displacement [m] at surface points from many contacts.
 
     At more than four contact radii, a contact acts through its equivalent point loads (relative error of its share
     below 1e-6); nearer, that share is replaced by `zone_displacement`.
     """
     u, v, _ = disc_nodes(_DEGREE)
-    points = np.array([n.zone.points(u, v) for n in nodes])
-    loads = np.array([n.loads @ interpolation(n.xi, n.eta, _DEGREE) for n in nodes])
-    reach = np.array([n.zone.reach for n in nodes])
+    points = np.stack(nodes.zone.points(u, v), axis=1)
+    loads = equivalent_loads(nodes, _DEGREE)
+    reach = nodes.zone.reach
     total = np.zeros(x.shape)
 
     def share(part: Indices, which: Indices | slice) -> Array:
@@ -68,25 +67,21 @@ def displacement_of_many(kernel: LayeredKernel, nodes: Sequence[Nodes], x: Array
 
 
 def displacement_about(
-    kernel: LayeredKernel, nodes: Sequence[Nodes], centres: Array, reach: Array, precision: float
+    kernel: LayeredKernel, nodes: Nodes, centres: Array, reach: Array, precision: float
 ) -> Callable[[Array, Array], Array]:
     """Return a function of places in each disc: the displacement [m] from all contacts on discs without pressure.
 
     ``centres`` (discs, 2), ``reach`` (discs,) [m]; it takes xi, eta (discs, points), xi^2 + eta^2 = 1 at a disc's edge.
     """
-    contacts = NodeStack.joined(nodes)
-    zones = contacts.zones
+    zones = nodes.zone
     count, terms = len(centres), zones.coefficients.shape[1]
     parabola = np.zeros((count, terms))
     parabola[:, [3, 5]] = -0.5  # 1 - xi^2 - eta^2 = -(T2(xi) + T2(eta))/2
-    discs = ZoneStack(centres, reach[:, None, None] * np.eye(2), zones.degree, parabola)
+    discs = Zone(centres, reach[:, None, None] * np.eye(2), zones.degree, parabola)
     rule = Rule.of(zones, kernel.thickness)
-    empty = NodeStack.of(discs, rule)
+    empty = Nodes.of(discs, rule)
     empty = replace(empty, pressure=np.zeros_like(empty.pressure))
-    together = contacts.followed_by(empty)
-    interaction = Interaction(kernel, together.zones, precision)
-    interaction.update(together)
-    values = interaction.displacement()[len(zones) :]
+    values = Interaction(kernel, Nodes.joined([*nodes, *empty]), precision).displacement()[len(zones) :]
     fit = np.linalg.pinv(basis(empty.xi[0], empty.eta[0], zones.degree).T)
     coefficients = values @ fit.T
     return lambda xi, eta: np.asarray(np.einsum("nt,tnk->nk", coefficients, basis(xi, eta, zones.degree)))
@@ -99,23 +94,19 @@ class LatticeRest:
     [m], by default of the contacts. Without a mesh, the kernel is negligible beyond the images and the field is 0.
     """
 
-    def __init__(
-        self, kernel: LayeredKernel, nodes: Sequence[Nodes], precision: float, places: Array | None = None
-    ) -> None:
+    def __init__(self, kernel: LayeredKernel, nodes: Nodes, precision: float, places: Array | None = None) -> None:
         assert kernel.cell is not None
-        zones = stacked([n.zone for n in nodes])
-        margin = 1.5 * 1.1 * float(np.max(zones.reach))
+        margin = AROUND * 1.1 * float(np.max(nodes.zone.reach))
         self.mesh, split, reach = cell_split(kernel, len(nodes), margin, precision)
         self.reach = reach + 2.0 * margin
-        owners, shifts = kernel.cell.images(zones.centre, self.reach, places)
-        self.nodes = [*nodes, *(nodes[i].moved(shift) for i, shift in zip(owners, shifts, strict=True))]
+        owners, shifts = kernel.cell.images(nodes.zone.centre, self.reach, places)
+        self.nodes = Nodes.joined([*nodes, *nodes[owners].moved(shifts)])
         if self.mesh is not None:
-            x, y, loads = (np.concatenate([getattr(n, name) for n in nodes]) for name in ("x", "y", "loads"))
-            self._grid = self.mesh.field(self.mesh.at(x, y), loads)
+            self._grid = self.mesh.field(self.mesh.at(nodes.x, nodes.y), nodes.loads)
             assert split is not None
             self.split = split
 
-    def displacement(self, x: Array, y: Array, listed: Sequence[Nodes]) -> Array:
+    def displacement(self, x: Array, y: Array, listed: Nodes) -> Array:
         """Return the displacement [m] at points due to all contacts and images that are not among ``listed``."""
         if self.mesh is None:
             return np.zeros(len(x))
@@ -126,7 +117,7 @@ class LatticeRest:
                 total[part] -= self.split.far(np.hypot(x[part, None] - n.x, y[part, None] - n.y)) @ n.loads
         return total
 
-    def slope(self, x: Array, y: Array, listed: Sequence[Nodes]) -> Array:
+    def slope(self, x: Array, y: Array, listed: Nodes) -> Array:
         """Return the gradient (points, 2) of `displacement`."""
         if self.mesh is None:
             return np.zeros((len(x), 2))
@@ -142,10 +133,10 @@ class LatticeRest:
         return total
 
 
-def displacement_in_cell(kernel: LayeredKernel, nodes: Sequence[Nodes], x: Array, y: Array) -> Array:
+def displacement_in_cell(kernel: LayeredKernel, nodes: Nodes, x: Array, y: Array) -> Array:
     """Return the displacement [m] at surface points from contacts in a periodic cell."""
     assert kernel.cell is not None
-    low = np.min([n.zone.centre for n in nodes], axis=0)
+    low = np.min(nodes.zone.centre, axis=0)
     points = low + np.mod(np.stack([x, y], axis=1) - low, kernel.cell.lengths)
     rest = LatticeRest(kernel, nodes, IN_CELL_TO, points)
     px, py = points.T
@@ -161,15 +152,12 @@ class DirectSums:
     contacts and images within the cut-off of a second mesh, independent of the solver's, which adds the rest.
     """
 
-    def __init__(
-        self, kernel: LayeredKernel, nodes: Sequence[Nodes], precision: float, report: Report = silent
-    ) -> None:
+    def __init__(self, kernel: LayeredKernel, nodes: Nodes, precision: float, report: Report = silent) -> None:
         self.rest = None if kernel.cell is None else LatticeRest(kernel, nodes, FINER * precision)
         nodes = nodes if self.rest is None else self.rest.nodes
         self.kernel, self.nodes, self.precision, self.report = kernel, nodes, precision, report
-        zones = stacked([n.zone for n in nodes])
-        self.centres, self.size = zones.centre, 1.1 * zones.reach
-        self.fine = NodeStack.of(zones, FINE)
+        self.centres, self.size = nodes.zone.centre, 1.1 * nodes.zone.reach
+        self.fine = Nodes.of(nodes.zone, FINE)
         self.fine_loads = self.fine.loads
         self._loads: dict[int, tuple[Array, Array]] = {}
 
@@ -177,7 +165,7 @@ class DirectSums:
         """Return positions (contacts, 2, nodes) [m] and equivalent loads of a degree."""
         if degree not in self._loads:
             self.report(f"equivalent loads of degree {degree}")
-            places = np.stack(self.fine.zones.points(*disc_nodes(degree)[:2]), axis=1)
+            places = np.stack(self.fine.zone.points(*disc_nodes(degree)[:2]), axis=1)
             self._loads[degree] = places, equivalent_loads(self.fine, degree)
         return self._loads[degree]
 
@@ -218,11 +206,11 @@ class DirectSums:
             total += self.rest.displacement(x, y, self._listed(i))
         return total + zone_displacement(self.kernel, self.nodes[i], x, y) if own else total
 
-    def _listed(self, i: int) -> list[Nodes]:
+    def _listed(self, i: int) -> Nodes:
         """Return contact i and the contacts and images in the sum about it."""
         assert self.rest is not None
         apart = np.hypot(*(self.centres - self.centres[i]).T)
-        return [self.nodes[j] for j in np.flatnonzero(apart < self.rest.reach)]
+        return self.nodes[apart < self.rest.reach]
 
     def force(self, i: int, here: Nodes) -> Array:
         """Return T [N] on the pressure ``here`` in place of that of contact i, from all other contacts."""
@@ -256,10 +244,10 @@ def zone_displacement(kernel: LayeredKernel, n: Nodes, x: Array, y: Array) -> Ar
     xi, eta = zone.frame(x, y)
     rho = np.hypot(xi, eta)
     safe = np.maximum(rho, 1e-12)
-    edge = zone.edge(np.zeros_like(rho), np.zeros_like(rho), xi / safe, eta / safe)
+    edge = zone.edge(xi / safe, eta / safe)
     ratio = np.where(rho > 1e-12, rho / edge, 0.0)
     total = np.zeros(x.shape)
-    rule = Rule.of([zone], kernel.thickness, more=4)
+    rule = Rule.of(zone, kernel.thickness, more=4)
 
     def add(chosen: Indices, radial: int, angular: int, function: Callable[[Array], Array]) -> None:
         q_xi, q_eta, w, p = zone.quadrature(radial, angular)

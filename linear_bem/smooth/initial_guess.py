@@ -18,10 +18,11 @@ from linear_bem.load_control import force_groups
 from linear_bem.problem import Ball, Problem
 from linear_bem.profiles import curvature, height, is_ball, mean_height
 from linear_bem.report import Report, seldom, silent
+from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.smooth.many_balls import sweep_zones
-from linear_bem.smooth.newton import Nodes, SmoothSolution, solve_zones
+from linear_bem.smooth.newton import solve_zones
 from linear_bem.smooth.polynomials import exponents
-from linear_bem.smooth.zone import Zone, stacked, unstacked
+from linear_bem.smooth.zone import Zone, stacked
 
 ROUGHEST = 1.5
 """Largest contact radius over layer thickness at which polynomials are used."""
@@ -43,9 +44,15 @@ ALONE = 0.5
 class Start:
     """First guess: which balls touch, their zones, and all approaches [m]."""
 
-    touching: list[int]
-    zones: list[Zone]
+    problem: Problem
+    kernel: LayeredKernel
+    touching: tuple[int, ...]
+    zones: Zone
     approaches: Array
+
+
+Guess = Start | SmoothContacts
+"""From what a solution starts: a first guess, or the contacts at another degree."""
 
 
 def first_guess(problem: Problem, kernel: LayeredKernel, report: Report = silent) -> Start:
@@ -67,7 +74,7 @@ def first_guess(problem: Problem, kernel: LayeredKernel, report: Report = silent
         radii[pressed] = _radii_seen(problem, [problem.balls[i] for i in pressed], kind, values[pressed])
         state = _coupled(problem, mutual, radii, report)
     report("contacts")
-    touching = [i for i in range(problem.size) if state.forces[i] > 0.0]
+    touching = tuple(np.flatnonzero(state.forces > 0.0).tolist())
     zones = []
     contact_radii = estimates(problem.layer, problem.substrate, radii, "normal_force", state.forces)[2]
     for i in touching:
@@ -77,7 +84,7 @@ def first_guess(problem: Problem, kernel: LayeredKernel, report: Report = silent
         axes, shape = _hertz_axes(problem.balls[i], radius, float(radii[i]))
         peak = 1.5 * force / (np.pi * radius**2 * np.sqrt(np.prod(shape))) * kernel.singular
         zones.append(_hertz_zone(problem.balls[i].position, axes, peak))
-    return Start(touching, zones, state.approaches)
+    return Start(problem, kernel, touching, stacked(zones), state.approaches)
 
 
 def _coupled(problem: Problem, mutual: PointInfluence, radii: Array, report: Report) -> PointState:
@@ -145,52 +152,38 @@ def _hertz_zone(centre: tuple[float, float], axes: Array, peak: float) -> Zone:
 
 
 def solve_smooth(
-    problem: Problem,
-    kernel: LayeredKernel,
-    degree: int,
-    start: Start | SmoothSolution,
-    touching: list[int],
-    approaches: Array,
-    precision: float,
-    pair_precision: float | None = None,
-    report: Report = silent,
-) -> SmoothSolution:
-    """Return the solution at one degree of p^2, from a guess or from another degree's solution.
+    start: Guess, degree: int, precision: float, pair_precision: float | None, report: Report
+) -> SmoothContacts:
+    """Return the contacts of the balls that touch in ``start``, at one degree of p^2.
 
     ``precision`` bounds the last relative change of forces and approaches in sweeps (more than `DENSE` balls), else the
     last relative step of the pressure's coefficients (not below 1e-9). ``pair_precision`` and ``report`` go to
     `sweep_zones`. Raises `NotConverged`.
     """
-    old = start.zones if isinstance(start, Start) else [n.zone for n in start.nodes]
-    if any(_peaked(problem.balls[i], zone) for i, zone in zip(touching, old, strict=True)):
+    problem, kernel, touching = start.problem, start.kernel, list(start.touching)
+    if any(_peaked(problem.balls[i], zone) for i, zone in zip(touching, start.zones, strict=True)):
         raise NotConverged(
             "smooth contact: the pressure peaks at a sharp tip or at the edge of a flat end; round it off"
         )
-    zones = _reframed(old, degree)
+    zones = start.zones.reframed(degree)
     seldom(report)(f"degree {degree}: {len(zones)} contacts")
     groups = force_groups(problem.load, touching, kernel.singular)
-    radius = max(z.radius for z in zones)
+    radius = float(np.max(zones.radius))
     if radius > ROUGHEST * kernel.thickness:
         raise NotConverged(
             f"smooth contact: contact radius {radius:g} m is {radius / kernel.thickness:.3g} layer thicknesses, "
             f"more than {ROUGHEST:g}; press the balls less deep"
         )
-    shapes = [height(problem.balls[i]) for i in touching]
+    shapes, approaches = [height(problem.balls[i]) for i in touching], start.approaches.copy()
+    given = kernel, shapes, zones, approaches[touching], groups
     if len(touching) > DENSE or kernel.cell is not None:
-        limit = 30 if degree == 2 else 60
-        here = approaches[touching]
-        return sweep_zones(kernel, shapes, zones, here, groups, precision, limit, pair_precision, report)
-    return solve_zones(kernel, shapes, zones, approaches[touching], groups, max(precision, 1e-9))
-
-
-def _reframed(zones: Sequence[Zone], degree: int) -> list[Zone]:
-    """Return zones at one degree."""
-    out = list(zones)
-    for old in {z.degree for z in zones}:
-        places = [k for k, z in enumerate(zones) if z.degree == old]
-        for k, new in zip(places, unstacked(stacked([zones[k] for k in places]).reframed(degree)), strict=True):
-            out[k] = new
-    return out
+        smooth = sweep_zones(*given, precision, 30 if degree == 2 else 60, pair_precision, report)
+    else:
+        smooth = solve_zones(*given, max(precision, 1e-9))
+    approaches[touching] = smooth.approaches
+    if problem.load.kind == "total_force":
+        approaches[:] = smooth.approaches[0]
+    return SmoothContacts(problem, kernel, start.touching, smooth, approaches, pair_precision or precision, report)
 
 
 def _peaked(ball: Ball, zone: Zone) -> bool:
@@ -201,9 +194,8 @@ def _peaked(ball: Ball, zone: Zone) -> bool:
     return isinstance(body, Punch)
 
 
-def overlap(kernel: LayeredKernel, nodes: tuple[Nodes, ...]) -> bool:
+def overlap(kernel: LayeredKernel, zones: Zone) -> bool:
     """Return whether two zones, or their images, come closer than a twentieth of the smaller one's radius."""
-    zones = stacked([n.zone for n in nodes])
     outlines = np.stack(zones.outline(48), axis=1)
     reach = np.max(np.hypot(*(outlines - zones.centre[:, :, None]).transpose(1, 0, 2)), axis=1)
     widest = 2.2 * float(np.max(reach))

@@ -25,14 +25,13 @@ from linear_bem.load_control import Groups
 from linear_bem.profiles import Height
 from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.multipole import Interaction, disc_nodes
-from linear_bem.smooth.newton import NodeStack, Rule, SmoothSolution, stalled
+from linear_bem.smooth.newton import Nodes, Rule, SmoothSolution, stalled
 from linear_bem.smooth.own_equations import RENEWED, OwnEquations
 from linear_bem.smooth.polynomials import basis
-from linear_bem.smooth.zone import Zone, stacked, unstacked
-from linear_bem.smooth.zone_stack import ZoneStack
+from linear_bem.smooth.zone import Zone
 
-SLOW = 0.2
-"""Ratio of successive changes above which sweeps are accelerated."""
+SLOW, DEPTH = 0.2, 10
+"""Ratio of successive changes above which sweeps are accelerated, and number of past sweeps that are combined."""
 SETTLED = 1e-3
 """Relative change of P below which a ball keeps its frame."""
 HOPELESS, PATIENCE = 0.03, 10
@@ -45,7 +44,7 @@ LEAST_SHARE, LOST = 0.3, 4
 class Lost(NotConverged):
     """Balls lose their contact: ``kept`` are the indices of the others among those given, ``zones`` their zones."""
 
-    def __init__(self, kept: Indices, zones: list[Zone]) -> None:
+    def __init__(self, kept: Indices, zones: Zone) -> None:
         super().__init__("smooth contacts: a ball lost its contact during the sweeps")
         self.kept, self.zones = kept, zones
 
@@ -53,7 +52,7 @@ class Lost(NotConverged):
 def sweep_zones(
     kernel: LayeredKernel,
     shapes: list[Height],
-    zones: list[Zone],
+    zones: Zone,
     approaches: Array,
     groups: Groups,
     tolerance: float,
@@ -69,11 +68,10 @@ def sweep_zones(
     per sweep. Zones that are ``apart`` do not act on each other. Raises `Lost` if a ball loses its contact, and
     `NotConverged`.
     """
-    stack = stacked(zones)
-    rule = Rule.of(stack, kernel.thickness)
-    nodes = NodeStack.of(stack, rule)
-    said = seldom(report, f"degree {stack.degree}: ")
-    interaction = None if apart else Interaction(kernel, stack, pair_precision or tolerance, said)
+    rule = Rule.of(zones, kernel.thickness)
+    nodes = Nodes.of(zones, rule)
+    said = seldom(report, f"degree {zones.degree}: ")
+    interaction = None if apart else Interaction(kernel, nodes, pair_precision or tolerance, said)
     influence: Influence = np.zeros((len(zones), len(zones))) if interaction is None else interaction.influence
     equations = OwnEquations(kernel, rule, pair_precision or tolerance)
     forces = nodes.forces
@@ -83,20 +81,17 @@ def sweep_zones(
     shared = [(np.array(members), force) for members, force in groups if len(members) > 1]
     fixed = np.ones(len(zones), dtype=bool)
     fixed[[m for members, _ in groups for m in members]] = False
-    values = basis(*disc_nodes(stack.degree + 4)[:2], stack.degree)
+    values = basis(*disc_nodes(zones.degree + 4)[:2], zones.degree)
     mixing, slow = Anderson(), False
     history: list[float] = []
     sizes = np.ones(len(zones))
     shrinking = np.zeros(len(zones), dtype=int)
     for sweep in range(limit):
-        outside = np.zeros(nodes.x.shape)
-        if interaction is not None:
-            interaction.update(nodes)
-            outside = interaction.displacement()
+        outside = np.zeros(nodes.x.shape) if interaction is None else interaction.displacement()
         profile = np.array([shape(x, y) for shape, x, y in zip(shapes, nodes.x, nodes.y, strict=True)])
-        step = f"degree {stack.degree}, sweep {sweep + 1}: "
+        step = f"degree {zones.degree}, sweep {sweep + 1}: "
         steps = equations.step(nodes, outside, profile, forces, sizes > RENEWED, seldom(report, step))
-        before, found = nodes.zones, steps.approaches
+        before, found = nodes.zone, steps.approaches
         wanted = np.where(fixed, approaches, found)
         more, level = _balance(influence, steps.compliances, found, forces, wanted, fixed, shared)
         new_forces = np.maximum(forces + more, LEAST_SHARE * forces)
@@ -105,7 +100,7 @@ def sweep_zones(
         # coefficients of a high degree are far less certain than P
         sizes = np.max(np.abs(changes @ values), axis=1) / np.max(np.abs(before.coefficients @ values), axis=1)
         length = np.minimum(1.0, 0.6 / np.maximum(sizes, 0.6))
-        stack = _moved(before, length[:, None] * changes, sizes > SETTLED)
+        zones = _moved(before, length[:, None] * changes, sizes > SETTLED)
         relative = [more / np.max(forces), (level - found) / np.max(np.abs(found)), sizes]
         last = float(np.max(np.abs(relative)))
         history.append(last)
@@ -114,7 +109,7 @@ def sweep_zones(
             raise NotConverged("smooth contacts: the sweeps diverged; press the balls less deep")
         report(f"{step}change {last:.1e}, tolerance {tolerance:.1e}")
         if last < tolerance or stalled(history):
-            return SmoothSolution(NodeStack.of(stack, rule).single(), level, sweep + 1, last)
+            return SmoothSolution(Nodes.of(zones, rule), level, sweep + 1, last)
         shrinking = np.where(forces + more < LEAST_SHARE * forces, shrinking + 1, 0)
         if np.any(shrinking >= LOST):
             kept = np.flatnonzero(shrinking == 0)
@@ -123,28 +118,30 @@ def sweep_zones(
                     "smooth contacts: all balls lost their contact during the sweeps; press the balls less deep or "
                     "closer to equal depth"
                 )
-            raise Lost(kept, unstacked(stack[kept]))
+            raise Lost(kept, zones[kept])
         slow = slow or (len(history) > 1 and last > SLOW * history[-2])
         if slow and np.max(sizes) <= SETTLED and not np.any(shrinking):
-            stack, forces = _mixed(mixing, (before, forces), (stack, new_forces))
+            zones, forces = _mixed(mixing, (before, forces), (zones, new_forces))
         else:
             mixing.forget()
             forces = new_forces
-        nodes = NodeStack.of(stack, rule)
+        nodes = Nodes.of(zones, rule)
+        if interaction is not None:
+            interaction.update(nodes)
     raise NotConverged(
         f"smooth contacts: {limit} sweeps left a change of {last:.1e}, tolerance {tolerance:.1e}; press the balls "
         "less deep"
     )
 
 
-def _moved(zones: ZoneStack, change: Array, reframe: Mask) -> ZoneStack:
+def _moved(zones: Zone, change: Array, reframe: Mask) -> Zone:
     moved = replace(zones, coefficients=zones.coefficients + change)
     if not np.any(reframe):
         return moved
     new = moved[reframe].reframed(zones.degree)
     centre, axes, coefficients = moved.centre.copy(), moved.axes.copy(), moved.coefficients.copy()
     centre[reframe], axes[reframe], coefficients[reframe] = new.centre, new.axes, new.coefficients
-    return ZoneStack(centre, axes, zones.degree, coefficients)
+    return Zone(centre, axes, zones.degree, coefficients)
 
 
 def _balance(
@@ -183,8 +180,7 @@ class Anderson:
     to GMRES, so that a few slow components no longer determine the rate of convergence.
     """
 
-    def __init__(self, depth: int = 10) -> None:
-        self.depth = depth
+    def __init__(self) -> None:
         self.forget()
 
     def forget(self) -> None:
@@ -194,8 +190,8 @@ class Anderson:
 
     def next(self, point: Array, image: Array) -> Array:
         """Return the next point from G(``point``) = ``image``."""
-        self._points = [*self._points[-self.depth :], point]
-        self._residuals = [*self._residuals[-self.depth :], image - point]
+        self._points = [*self._points[-DEPTH:], point]
+        self._residuals = [*self._residuals[-DEPTH:], image - point]
         if len(self._points) < 2:
             return image
         steps, changes = np.diff(self._points, axis=0), np.diff(self._residuals, axis=0)
@@ -203,13 +199,13 @@ class Anderson:
         return np.asarray(image - weights @ (steps + changes))
 
 
-def _mixed(mixing: Anderson, old: tuple[ZoneStack, Array], new: tuple[ZoneStack, Array]) -> tuple[ZoneStack, Array]:
+def _mixed(mixing: Anderson, old: tuple[Zone, Array], new: tuple[Zone, Array]) -> tuple[Zone, Array]:
     """Return accelerated zones and forces; coefficients are scaled by the largest of each zone."""
     size = np.max(np.abs(old[0].coefficients), axis=1)
     load = float(np.max(old[1]))
     count = len(size)
 
-    def vector(state: tuple[ZoneStack, Array]) -> Array:
+    def vector(state: tuple[Zone, Array]) -> Array:
         return np.concatenate([(state[0].coefficients / size[:, None]).ravel(), state[1] / load])
 
     mixed = mixing.next(vector(old), vector(new))

@@ -11,7 +11,7 @@ determine polynomials of even degree uniquely [Bos 1991, J. Approx. Theory 64, 2
 `linear_bem.far_field`, all by the lowest degree that suffices beyond its cut-off.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 
 import numpy as np
@@ -21,10 +21,12 @@ from linear_bem.arrays import Array, Indices
 from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.report import Report, silent
-from linear_bem.smooth.newton import NodeStack
+from linear_bem.smooth.newton import Nodes
 from linear_bem.smooth.polynomials import basis
-from linear_bem.smooth.zone_stack import CACHED, ZoneStack
+from linear_bem.smooth.zone import CACHED
 
+Radial = Callable[[Array], Array]
+"""A function of distances [m]."""
 DEGREES = (2, 4, 6, 8, 10, 12)
 SAFETY = 0.01
 """Factor on the neglected term, from measured errors at the contact's edge; errors of forces are 100 times smaller."""
@@ -48,8 +50,8 @@ def disc_nodes(degree: int) -> tuple[Array, Array, Array]:
 
 
 def interpolation(xi: Array, eta: Array, degree: int) -> Array:
-    """Return the matrix from values at `disc_nodes` to values at frame points, shape (points, nodes)."""
-    return np.asarray(basis(xi, eta, degree).T @ disc_nodes(degree)[2])
+    """Return the matrix from values at `disc_nodes` to values at frame points, shape (..., points, nodes)."""
+    return np.asarray(np.moveaxis(basis(xi, eta, degree), 0, -1) @ disc_nodes(degree)[2])
 
 
 def point_displacement(kernel: LayeredKernel, x: Array, y: Array, at_x: Array, at_y: Array, loads: Array) -> Array:
@@ -58,11 +60,11 @@ def point_displacement(kernel: LayeredKernel, x: Array, y: Array, at_x: Array, a
     return np.asarray(kernel.scaled(r) @ loads.ravel())
 
 
-def equivalent_loads(nodes: NodeStack, degree: int) -> Array:
+def equivalent_loads(nodes: Nodes, degree: int) -> Array:
     """Return the point loads at `disc_nodes` that replace the pressures, shape (zones, nodes of the degree)."""
     inverse = disc_nodes(degree)[2]
-    out, loads = np.empty((len(nodes.zones), len(inverse))), nodes.loads
-    for part in nodes.zones.parts(nodes.x.shape[1] * 4):
+    out, loads = np.empty((len(nodes), len(inverse))), nodes.loads
+    for part in nodes.zone.parts(nodes.x.shape[1] * 4):
         phi = basis(nodes.xi[part], nodes.eta[part], degree)
         out[part] = np.einsum("tnk,nk->nt", phi, loads[part]) @ inverse
     return out
@@ -90,14 +92,14 @@ def least_ratio(precision: float) -> float:
 class Interaction:
     """Displacement and in-plane force on each of many separate contacts due to the others.
 
-    The degree of every pair follows from the first zones' sizes; ``precision`` bounds the neglected terms of a
+    The degree of every pair follows from the sizes of the first zones; ``precision`` bounds the neglected terms of a
     pair's displacement relative to it. Loads and displacements are in the units of `linear_bem.smooth.newton`.
     ``report`` receives a line per block of pairs.
     """
 
-    def __init__(self, kernel: LayeredKernel, zones: ZoneStack, precision: float, report: Report = silent) -> None:
+    def __init__(self, kernel: LayeredKernel, nodes: Nodes, precision: float, report: Report = silent) -> None:
         self.kernel, self.report = kernel, report
-        self.count = len(zones)
+        self.count, zones = len(nodes), nodes.zone
         reach = 1.1 * zones.reach
         largest = float(np.max(reach))
         self.far = FarField.of(kernel, zones.centre, reach, precision, least_ratio(precision))
@@ -114,14 +116,15 @@ class Interaction:
             self.mesh_level = int(lowest_degree(np.array(self.far.cutoff), np.array(largest), precision))
             assert self.mesh_level < FULL or kernel.cell is not None, "far contacts are far"
         self.influence = PointInfluence(self.far, zones.centre)
+        self.update(nodes)
 
-    def update(self, nodes: NodeStack) -> None:
+    def update(self, nodes: Nodes) -> None:
         """Replace zones and pressures by those of ``nodes``."""
         self.nodes = nodes
         self.places: dict[int, tuple[Array, Array]] = {}
         self.loads: dict[int, Array] = {}
         for k in {self.mesh_level, *(k for k, *_ in self.pairs)} - {-1}:
-            self.places[k] = (nodes.x, nodes.y) if k == FULL else nodes.zones.points(*disc_nodes(DEGREES[k])[:2])
+            self.places[k] = (nodes.x, nodes.y) if k == FULL else nodes.zone.points(*disc_nodes(DEGREES[k])[:2])
             self.loads[k] = nodes.loads if k == FULL else equivalent_loads(nodes, DEGREES[k])
 
     def _received(self, level: int, values: Array) -> Array:
@@ -130,7 +133,7 @@ class Interaction:
             return values
         n, out = self.nodes, np.empty(self.nodes.x.shape)
         found = values @ disc_nodes(DEGREES[level])[2].T
-        for part in n.zones.parts(n.x.shape[1] * 4):
+        for part in n.zone.parts(n.x.shape[1] * 4):
             out[part] = np.einsum("tnk,nt->nk", basis(n.xi[part], n.eta[part], DEGREES[level]), found[part])
         return out
 
@@ -154,12 +157,11 @@ class Interaction:
         total = np.zeros(self.nodes.x.shape)
         sums = {k: np.zeros(q.shape) for k, q in self.loads.items()}
         for (level, first, second, shift), (to_first, to_second) in zip(self.pairs, self.gather, strict=True):
-            for k, sign in self._kernels(level):
+            for k, kernel, _ in self._kernels(level):
                 q = self.loads[k]
                 at_first, at_second = np.empty((len(first), q.shape[1])), np.empty((len(first), q.shape[1]))
                 for part, dx, dy in self._blocks(first, second, shift, k):
-                    r = np.hypot(dx, dy)
-                    value = self._value(r, sign)
+                    value = kernel(np.hypot(dx, dy))
                     at_first[part] = np.einsum("pab,pb->pa", value, q[second[part]])
                     at_second[part] = np.einsum("pab,pa->pb", value, q[first[part]])
                 sums[k] += to_first @ at_first + to_second @ at_second
@@ -173,41 +175,37 @@ class Interaction:
             total += self._received(k, values)
         return total
 
-    def _kernels(self, level: int) -> list[tuple[int, str]]:
-        """Return levels and kernels whose sum replaces the mesh's part for near pairs of a level."""
+    def _kernels(self, level: int) -> list[tuple[int, Radial, Radial]]:
+        """Return levels, kernels and their slopes whose sum replaces the mesh's part for near pairs of a level."""
+        whole = self.kernel.scaled, self.kernel.scaled_slope
         if self.far.mesh is None:
-            return [(level, "whole")]
+            return [(level, *whole)]
         if level == self.mesh_level:
-            return [(level, "near")]
-        return [(level, "whole"), (self.mesh_level, "less far")]
-
-    def _value(self, r: Array, kernel: str) -> Array:
-        if kernel == "near":
-            return self.split.near(r)
-        return self.kernel.scaled(r) if kernel == "whole" else -self.split.far(r)
-
-    def _slope(self, r: Array, kernel: str) -> Array:
-        if kernel == "near":
-            return self.split.near_slope(r)
-        return self.kernel.scaled_slope(r) if kernel == "whole" else -self.split.far_slope(r)
+            return [(level, self.split.near, self.split.near_slope)]
+        less_far = (lambda r: -self.split.far(r)), (lambda r: -self.split.far_slope(r))
+        return [(level, *whole), (self.mesh_level, *less_far)]
 
     def force(self) -> Array:
-        """Return T on every zone [N] by the mutual formula, shape (zones, 2)."""
+        """Return T on every zone [N] by the mutual formula, shape (zones, 2).
+
+        T_i = sum_{j != i} int int p_i(x) grad K(x - x') p_j(x') dA dA' (derivation: linear_bem/README.md) has no
+        cancelling large terms and makes action equal reaction exactly.
+        """
         total = np.zeros((self.count, 2))
         for (level, first, second, shift), (to_first, to_second) in zip(self.pairs, self.gather, strict=True):
-            for k, sign in self._kernels(level):
+            for k, _, slope in self._kernels(level):
                 q, pull = self.loads[k], np.empty((len(first), 2))
                 for part, dx, dy in self._blocks(first, second, shift, k):
                     r = np.hypot(dx, dy)
-                    g = self._slope(r, sign) / r
+                    g = slope(r) / r
                     here, there = q[first[part]], q[second[part]]
                     pull[part, 0] = np.einsum("pa,pab,pb->p", here, g * dx, there, optimize=True)
                     pull[part, 1] = np.einsum("pa,pab,pb->p", here, g * dy, there, optimize=True)
                 total += to_first @ pull - to_second @ pull
         if self.far.mesh is not None:
             q = self.loads[self.mesh_level]
-            slope = self.far.mesh.slope_at(*self.places[self.mesh_level], q)
-            total += np.sum(q[:, :, None] * slope.reshape(*q.shape, 2), axis=1)
+            gradient = self.far.mesh.slope_at(*self.places[self.mesh_level], q)
+            total += np.sum(q[:, :, None] * gradient.reshape(*q.shape, 2), axis=1)
         return total / self.kernel.singular
 
 

@@ -13,8 +13,11 @@ in the error of p.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -24,13 +27,12 @@ from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
 from linear_bem.profiles import Height
 from linear_bem.smooth.polynomials import basis
-from linear_bem.smooth.zone import Zone, stacked, unstacked
-from linear_bem.smooth.zone_stack import ZoneStack
+from linear_bem.smooth.zone import Zone, stacked
 
 DIVERGED = 1e6
 """Relative step of the coefficients, or growth of the approaches, that counts as divergence."""
-STALLED = 1e-3
-"""Largest last change of an unconverged state that may start the next degree."""
+STALLED, LIMIT = 1e-3, 25
+"""Largest last change of an unconverged state that may start the next degree; largest number of steps."""
 
 
 @dataclass(frozen=True)
@@ -43,33 +45,25 @@ class Rule:
     along: int
 
     @classmethod
-    def of(cls, zones: Sequence[Zone] | ZoneStack, thickness: float, more: int = 0) -> Rule:
-        """Return a rule for zones of one degree; ``more`` raises it.
+    def of(cls, zone: Zone, thickness: float, more: int = 0) -> Rule:
+        """Return a rule for one zone or many; ``more`` raises the degree.
 
         Contact radius over layer thickness sets the nodes for the smooth kernel; an ellipse of aspect k has chords
         whose weights converge like ((k - 1)/(k + 1))^directions.
         """
-        stack = zones if isinstance(zones, ZoneStack) else stacked(zones)
-        degree = stack.degree + more
-        axes = np.linalg.svd(stack.axes, compute_uv=False)
-        rough = int(min(40.0, 3.0 * float(np.max(axes)) / thickness))
-        flat = float(np.max((axes[:, 0] - axes[:, 1]) / (axes[:, 0] + axes[:, 1])))
+        degree = zone.degree + more
+        long, short = np.moveaxis(np.linalg.svd(zone.axes, compute_uv=False), -1, 0)
+        rough = int(min(40.0, 3.0 * float(np.max(long)) / thickness))
+        flat = float(np.max((long - short) / (long + short)))
         directions = int(np.clip(23.0 / -np.log(max(flat, 1e-9)), degree + 6, 300))
         return cls(degree // 2 + 6 + rough, 2 * degree + 6 + 2 * rough, directions, degree // 2 + 5)
 
 
-Arrays = tuple[Array, Array, Array, Array, Array, Array]
-
-
-def _six(arrays: Iterable[Array]) -> Arrays:
-    xi, eta, x, y, weights, pressure = arrays
-    return xi, eta, x, y, weights, pressure
-
-
 @dataclass(frozen=True)
-class Quadrature:
-    """Nodes in a zone (nodes,) or in many (zones, nodes): frame and surface coordinates [m], weights [m^2], p."""
+class Nodes:
+    """One zone or many with their quadrature: frame and surface coordinates [m], weights [m^2] and p at the nodes."""
 
+    zone: Zone
     xi: Array
     eta: Array
     x: Array
@@ -77,10 +71,34 @@ class Quadrature:
     weights: Array
     pressure: Array
 
+    @classmethod
+    def of(cls, zone: Zone, rule: Rule) -> Nodes:
+        """Return the nodes of one zone or many."""
+        xi, eta, weights, pressure = zone.quadrature(rule.radial, rule.angular)
+        return cls(zone, xi, eta, *zone.points(xi, eta), weights, pressure)
+
+    @classmethod
+    def joined(cls, nodes: Sequence[Nodes]) -> Nodes:
+        """Return zones of one degree and one rule, given one by one, together."""
+        return cls(stacked([n.zone for n in nodes]), *map(np.array, zip(*(n._arrays for n in nodes), strict=True)))
+
     @property
-    def arrays(self) -> Arrays:
-        """The six arrays in the order of the constructor."""
+    def _arrays(self) -> tuple[Array, ...]:
         return self.xi, self.eta, self.x, self.y, self.weights, self.pressure
+
+    def __len__(self) -> int:
+        return len(self.zone)
+
+    def __getitem__(self, part: int | slice | Indices | Mask) -> Nodes:
+        return Nodes(self.zone[part], *(values[part] for values in self._arrays))
+
+    def __iter__(self) -> Iterator[Nodes]:
+        return (self[k] for k in range(len(self)))
+
+    def moved(self, shift: Array) -> Nodes:
+        """Return the nodes of images, shifted by (..., 2) [m]."""
+        zone = replace(self.zone, centre=self.zone.centre + shift)
+        return replace(self, zone=zone, x=self.x + shift[..., :1], y=self.y + shift[..., 1:])
 
     @property
     def loads(self) -> Array:
@@ -88,108 +106,60 @@ class Quadrature:
         return self.weights * self.pressure
 
     @property
-    def forces(self) -> Array:
-        """Integrals of the pressure, one per zone."""
-        return np.asarray(np.sum(self.loads, axis=-1))
+    def forces(self) -> Any:
+        """Integral of the pressure, of many zones an array."""
+        return np.sum(self.loads, axis=-1)
 
-
-@dataclass(frozen=True)
-class Nodes(Quadrature):
-    """One zone with its quadrature, and d p/d P phi_k (nodes, terms)."""
-
-    zone: Zone
-    variations: Array
-
-    @classmethod
-    def of(cls, zone: Zone, rule: Rule) -> Nodes:
-        """Return the nodes of a zone."""
-        return NodeStack.of(stacked([zone]), rule).single()[0]
-
-    def moved(self, shift: Array) -> Nodes:
-        """Return the nodes of an image, shifted by (2,) [m]."""
-        zone = replace(self.zone, centre=self.zone.centre + shift)
-        return replace(self, zone=zone, x=self.x + shift[0], y=self.y + shift[1])
+    @cached_property
+    def variations(self) -> Array:
+        """The derivatives d p/d P phi_k, shape (..., nodes, terms)."""
+        phi = np.moveaxis(basis(self.xi, self.eta, self.zone.degree), 0, -1)
+        return np.asarray(0.5 * phi / self.pressure[..., None])
 
     @property
-    def force(self) -> float:
-        """Integral of the pressure."""
-        return float(self.forces)
-
-
-@dataclass(frozen=True)
-class NodeStack(Quadrature):
-    """Zones of one degree with their quadrature."""
-
-    zones: ZoneStack
-
-    @classmethod
-    def of(cls, zones: ZoneStack, rule: Rule) -> NodeStack:
-        """Return the nodes of many zones."""
-        xi, eta, weights, pressure = zones.quadrature(rule.radial, rule.angular)
-        return cls(xi, eta, *zones.points(xi, eta), weights, pressure, zones=zones)
-
-    @classmethod
-    def joined(cls, nodes: Sequence[Nodes]) -> NodeStack:
-        """Return zones of one degree and one rule together."""
-        return cls(
-            *_six(map(np.array, zip(*(n.arrays for n in nodes), strict=True))), zones=stacked([n.zone for n in nodes])
-        )
-
-    def followed_by(self, other: NodeStack) -> NodeStack:
-        """Return these zones and others of their degree and rule."""
-        a, b = self.zones, other.zones
-        zones = (np.concatenate([getattr(z, k) for z in (a, b)]) for k in ("centre", "axes", "coefficients"))
-        centre, axes, coefficients = zones
-        arrays = _six(map(np.concatenate, zip(self.arrays, other.arrays, strict=True)))
-        return NodeStack(*arrays, zones=ZoneStack(centre, axes, a.degree, coefficients))
-
-    def __getitem__(self, part: slice | Indices | Mask) -> NodeStack:
-        return NodeStack(*_six(values[part] for values in self.arrays), zones=self.zones[part])
-
-    def single(self) -> tuple[Nodes, ...]:
-        """Return the zones one by one."""
-        out = []
-        for zone, *arrays in zip(unstacked(self.zones), *self.arrays, strict=True):
-            variations = 0.5 * basis(arrays[0], arrays[1], zone.degree).T / arrays[-1][:, None]
-            out.append(Nodes(*_six(arrays), zone=zone, variations=variations))
-        return tuple(out)
+    def tests(self) -> Array:
+        """The variations times their weights, shape (..., terms, nodes): they integrate functions at the nodes."""
+        return np.swapaxes(self.variations, -1, -2) * self.weights[..., None, :]
 
 
 @dataclass(frozen=True)
 class SmoothSolution:
-    """Converged zones with their nodes, the approaches [m], and iterations and residual of the solver.
+    """Converged zones with their nodes, all approaches [m], and iterations and residual of the solver.
 
     Pressures p are multiplied by `LayeredKernel.singular`: int p (1/r + s) dA is the displacement [m].
     """
 
-    nodes: tuple[Nodes, ...]
+    nodes: Nodes
     approaches: Array
     iterations: int
     residual: float
 
 
 def own_displacement(kernel: LayeredKernel, n: Nodes, rule: Rule) -> tuple[Array, Array]:
-    """Return a zone's own displacement [m] at its nodes, and its derivative by the coefficients (nodes, terms)."""
+    """Return every zone's own displacement [m] at its nodes, and its derivative by the coefficients.
+
+    Shapes (zones, nodes) and (zones, nodes, terms).
+    """
     w, derivative = n.zone.half_space(n.xi, n.eta, rule.directions, rule.along)
     if kernel.homogeneous:
         return w, derivative
-    smooth = kernel.smooth(np.hypot(n.x[:, None] - n.x, n.y[:, None] - n.y)) * n.weights
-    return w + smooth @ n.pressure, derivative + smooth @ n.variations
+    r = np.hypot(n.x[:, :, None] - n.x[:, None, :], n.y[:, :, None] - n.y[:, None, :])
+    smooth = kernel.smooth(r) * n.weights[:, None, :]
+    return w + (smooth @ n.pressure[..., None])[..., 0], derivative + smooth @ n.variations
 
 
-def _displacements(kernel: LayeredKernel, nodes: list[Nodes], rule: Rule) -> tuple[list[Array], list[list[Array]]]:
-    """Return K p at every zone's nodes, and its derivative by every zone's coefficients."""
-    own = [own_displacement(kernel, n, rule) for n in nodes]
-    total = [w for w, _ in own]
-    derivative = [[change] * len(nodes) for _, change in own]
-    for i, here in enumerate(nodes):
-        for j, there in enumerate(nodes[:i]):
-            r = np.hypot(here.x[:, None] - there.x, here.y[:, None] - there.y)
-            block = kernel.scaled(r)
-            for a, b, influence in ((i, j, block), (j, i, block.T)):
-                weighted = influence * nodes[b].weights
-                total[a] = total[a] + weighted @ nodes[b].pressure
-                derivative[a][b] = weighted @ nodes[b].variations
+def _displacements(kernel: LayeredKernel, n: Nodes, rule: Rule) -> tuple[Array, Array]:
+    """Return K p at every zone's nodes, and its derivatives by the coefficients, (zones, zones, nodes, terms)."""
+    total, own = own_displacement(kernel, n, rule)
+    count = len(n)
+    derivative = np.empty((count, count, *own.shape[1:]))
+    derivative[np.arange(count), np.arange(count)] = own
+    for i, j in combinations(range(count), 2):
+        block = kernel.scaled(np.hypot(n.x[i][:, None] - n.x[j], n.y[i][:, None] - n.y[j]))
+        for a, b, influence in ((i, j, block), (j, i, block.T)):
+            weighted = influence * n.weights[b]
+            total[a] += weighted @ n.pressure[b]
+            derivative[a, b] = weighted @ n.variations[b]
     return total, derivative
 
 
@@ -203,45 +173,36 @@ def stalled(history: list[float]) -> bool:
 
 
 def solve_zones(
-    kernel: LayeredKernel,
-    shapes: list[Height],
-    zones: list[Zone],
-    approaches: Array,
-    groups: Groups,
-    tolerance: float,
-    limit: int = 25,
+    kernel: LayeredKernel, shapes: list[Height], zones: Zone, approaches: Array, groups: Groups, tolerance: float
 ) -> SmoothSolution:
     """Return the contact state, at which the complementary energy is stationary.
 
     Balls in no group of ``groups`` keep their approach. ``tolerance`` bounds the last step of the coefficients relative
-    to P; a step that is `stalled`, or is below `STALLED` after ``limit`` steps, is returned as the residual. Raises
+    to P; a step that is `stalled`, or is below `STALLED` after `LIMIT` steps, is returned as the residual. Raises
     `NotConverged`.
     """
     approaches = approaches.copy()
     first = float(np.max(np.abs(approaches)))
     step = np.inf
     history: list[float] = []
-    for iteration in range(limit):
+    for iteration in range(LIMIT):
         rule = Rule.of(zones, kernel.thickness)
-        nodes = [Nodes.of(z, rule) for z in zones]
+        nodes = Nodes.of(zones, rule)
         history.append(step)
-        if step < tolerance or stalled(history) or (iteration == limit - 1 and step < STALLED):
-            return SmoothSolution(tuple(nodes), approaches, iteration, step)
+        if step < tolerance or stalled(history) or (iteration == LIMIT - 1 and step < STALLED):
+            return SmoothSolution(nodes, approaches, iteration, step)
         with np.errstate(all="ignore"):  # a diverging iteration may overflow before the loop ends
             delta, change = _newton_step(kernel, shapes, nodes, approaches, groups, rule)
         if not np.all(np.isfinite(delta)):
             break
-        step = max(float(np.max(np.abs(d)) / np.max(np.abs(z.coefficients))) for d, z in zip(delta, zones, strict=True))
+        step = float(np.max(np.max(np.abs(delta), axis=1) / np.max(np.abs(zones.coefficients), axis=1)))
         length = min(1.0, 0.6 / step)
         approaches = approaches + length * change
-        zones = [
-            replace(z, coefficients=z.coefficients + length * d).reframed(z.degree)
-            for d, z in zip(delta, zones, strict=True)
-        ]
+        zones = replace(zones, coefficients=zones.coefficients + length * delta).reframed(zones.degree)
         if not max(step, float(np.max(np.abs(approaches))) / first) < DIVERGED:
             break
     raise NotConverged(
-        f"smooth contact: Newton's method did not converge in {limit} steps (last relative step {step:.1e}, "
+        f"smooth contact: Newton's method did not converge in {LIMIT} steps (last relative step {step:.1e}, "
         f"tolerance {tolerance:.1e})"
     )
 
@@ -263,28 +224,17 @@ def solve_scaled(matrix: Array, right: Array, size: Array) -> Array:
 
 
 def _newton_step(
-    kernel: LayeredKernel,
-    shapes: list[Height],
-    nodes: list[Nodes],
-    approaches: Array,
-    groups: Groups,
-    rule: Rule,
+    kernel: LayeredKernel, shapes: list[Height], nodes: Nodes, approaches: Array, groups: Groups, rule: Rule
 ) -> tuple[Array, Array]:
     """Return the changes of all coefficients, shape (zones, terms), and of all approaches."""
     potential, derivative = _displacements(kernel, nodes, rule)
-    tests = [n.variations.T * n.weights for n in nodes]
-    blocks = np.array([[test @ change for change in row] for test, row in zip(tests, derivative, strict=True)])
-    right = [
-        -test @ (w - d + f(n.x, n.y))
-        for n, test, w, d, f in zip(nodes, tests, potential, approaches, shapes, strict=True)
-    ]
-    totals = np.array([test.sum(axis=1) for test in tests])
-    return solve_grouped(blocks, np.array(right), totals, [n.force for n in nodes], groups)
+    tests = nodes.tests
+    heights = np.array([f(x, y) for f, x, y in zip(shapes, nodes.x, nodes.y, strict=True)])
+    right = -np.einsum("ntk,nk->nt", tests, potential - approaches[:, None] + heights)
+    return solve_grouped(tests[:, None] @ derivative, right, tests.sum(axis=2), nodes.forces, groups)
 
 
-def solve_grouped(
-    blocks: Array, right: Array, totals: Array, forces: Sequence[float] | Array, groups: Groups
-) -> tuple[Array, Array]:
+def solve_grouped(blocks: Array, right: Array, totals: Array, forces: Array, groups: Groups) -> tuple[Array, Array]:
     """Return the changes of all coefficients, shape (zones, terms), and of all approaches, shape (zones,).
 
     ``blocks`` (zones, zones, terms, terms) and ``right`` (zones, terms) hold the equations at fixed approaches.

@@ -13,7 +13,7 @@ from linear_bem.arrays import Array, Mask
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.report import Report, silent
 from linear_bem.smooth.multipole import SAFETY, disc_nodes
-from linear_bem.smooth.newton import NodeStack, Rule, solve_scaled
+from linear_bem.smooth.newton import Nodes, Rule, solve_scaled
 from linear_bem.smooth.polynomials import basis
 
 RENEWED = 0.02
@@ -47,15 +47,15 @@ class OwnEquations:
         self._matrices = np.empty((0, 0, 0))
 
     def step(
-        self, nodes: NodeStack, outside: Array, profile: Array, forces: Array, changed: Mask, report: Report = silent
+        self, nodes: Nodes, outside: Array, profile: Array, forces: Array, changed: Mask, report: Report = silent
     ) -> Steps:
         """Return one Newton step; ``outside``, ``profile`` [m] at the nodes; ``changed``: matrices to recompute."""
-        count, terms = nodes.zones.coefficients.shape
+        count, terms = nodes.zone.coefficients.shape
         if len(self._matrices) != count:
             self._matrices, changed = np.empty((count, terms, terms)), np.ones(count, dtype=bool)
         found = np.empty((count, terms)), np.empty(count), np.empty(count), np.empty((count, terms))
-        u, v, _ = disc_nodes(nodes.zones.degree + FELT)
-        few = np.all(nodes.zones.coefficients @ basis(u, v, nodes.zones.degree) > 0.0, axis=1)
+        u, v, _ = disc_nodes(nodes.zone.degree + FELT)
+        few = np.all(nodes.zone.coefficients @ basis(u, v, nodes.zone.degree) > 0.0, axis=1)
         few, done = few & (self.precision > SHARP), 0
         for renew, at_few in product((True, False), (True, False)):
             chosen = np.flatnonzero((changed == renew) & (few == at_few))
@@ -70,9 +70,9 @@ class OwnEquations:
         return Steps(*found)
 
     def _some(
-        self, n: NodeStack, rise: Array, forces: Array, matrix: Array, renew: bool, few: bool
+        self, n: Nodes, rise: Array, forces: Array, matrix: Array, renew: bool, few: bool
     ) -> tuple[tuple[Array, Array, Array, Array], Array]:
-        zones, terms = n.zones, n.zones.coefficients.shape[1]
+        zones, terms = n.zone, n.zone.coefficients.shape[1]
         felt, smooth = zones.degree + FELT if few else None, self._smooth_degree(n)
         phi = basis(n.xi, n.eta, max(zones.degree, felt or 0, smooth or 0)).transpose(1, 0, 2)
         test = 0.5 * phi[:, :terms] * (n.weights / n.pressure)[:, None, :]
@@ -97,19 +97,19 @@ class OwnEquations:
         approach = (forces - n.forces - np.sum(total * u, axis=1)) / reach
         return (u + approach[:, None] * v, approach, 1.0 / reach, v / reach[:, None]), matrix
 
-    def _smooth_degree(self, n: NodeStack) -> int | None:
+    def _smooth_degree(self, n: Nodes) -> int | None:
         """Return the degree of nodes that represent the displacement by the kernel's smooth part s; None: too many.
 
         s is analytic up to a distance of 2 h i: on zones smaller than that, few nodes suffice.
         """
         if self.kernel.homogeneous:
             return None
-        away = 2.0 * self.kernel.thickness / (1.1 * float(np.max(n.zones.reach)))
+        away = 2.0 * self.kernel.thickness / (1.1 * float(np.max(n.zone.reach)))
         degree = 2 * int(np.ceil(-np.log(SAFETY * self.precision) / np.arcsinh(away) / 2.0 - 0.5))
         return max(degree, 2) if (degree + 1) * (degree + 2) < n.x.shape[1] else None
 
 
-def _at_nodes(n: NodeStack, phi: Array, test: Array, degree: int | None) -> tuple[Array, Array, Array, Array]:
+def _at_nodes(n: Nodes, phi: Array, test: Array, degree: int | None) -> tuple[Array, Array, Array, Array]:
     """Return nodes xi, eta (balls, nodes), the matrices from values there to integrals of ``test``, equivalent loads.
 
     ``phi`` (balls, terms, points) is a basis of at least this degree; degree None stands for the quadrature points.
@@ -117,6 +117,6 @@ def _at_nodes(n: NodeStack, phi: Array, test: Array, degree: int | None) -> tupl
     if degree is None:
         return n.xi, n.eta, test, n.loads
     u, v, inverse = disc_nodes(degree)
-    shape, phi = (len(n.zones), len(u)), phi[:, : len(u)]
+    shape, phi = (len(n), len(u)), phi[:, : len(u)]
     loads = np.einsum("ntk,nk->nt", phi, n.loads) @ inverse
     return np.broadcast_to(u, shape), np.broadcast_to(v, shape), test @ phi.transpose(0, 2, 1) @ inverse, loads

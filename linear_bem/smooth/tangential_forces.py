@@ -1,14 +1,4 @@
-r"""The in-plane force on a ball, by two formulas with independent errors.
-
-Inside contact i the surface follows the ball: w = D_i - f_i. The paper's slope integral (eq. 13) is
-T_i = -int p_i grad f_i dA = int p_i grad w dA. The displacement is the sum of all balls' own,
-w = sum_j K p_j, and the term j = i vanishes because its kernel grad K(x - x') is odd and p_i(x) p_i(x')
-even in the exchange of x and x'. The remainder is the mutual formula,
-
-    T_i = sum_{j != i} int int p_i(x) grad K(x - x') p_j(x') dA dA',
-
-which has no cancelling large terms and makes action equal reaction exactly.
-"""
+"""The size of T without its cancellation, by sums over the neighbours of every ball: a scale of its errors."""
 
 from collections.abc import Callable
 
@@ -19,27 +9,11 @@ from linear_bem.arrays import Array
 from linear_bem.coupled_point_loads import distances
 from linear_bem.far_field.particle_mesh import ParticleMesh
 from linear_bem.layer.kernel import LayeredKernel
-from linear_bem.problem import Ball
-from linear_bem.profiles import gradient
-from linear_bem.report import Report, silent
-from linear_bem.smooth.multipole import Interaction
-from linear_bem.smooth.newton import Nodes, NodeStack
 
 SUMMED = 1000
 """Number of balls up to which `summed_pulls` sums all pairs."""
 LISTED = 2000
 """Number of distances at which `layer_pulls` tabulates dK/dr."""
-
-
-def mutual_force(kernel: LayeredKernel, nodes: tuple[Nodes, ...], precision: float, report: Report = silent) -> Array:
-    """Return T [N] on every zone, shape (zones, 2).
-
-    Pressures are multiplied by ``kernel.singular``; ``precision`` bounds the neglected terms of far pairs.
-    """
-    together = NodeStack.joined(nodes)
-    interaction = Interaction(kernel, together.zones, precision, report)
-    interaction.update(together)
-    return interaction.force()
 
 
 def half_space_pulls(
@@ -99,14 +73,3 @@ def _estimated_sum(positions: Array, forces: Array, pull: Callable[[Array], Arra
     for here, there in ((first, second), (second, first)):
         total += np.bincount(here, near * forces[there], len(forces))
     return np.asarray(np.maximum(total, 0.0))
-
-
-def slope_force(kernel: LayeredKernel, balls: list[Ball], nodes: tuple[Nodes, ...], report: Report = silent) -> Array:
-    """Return the paper's slope integral, -int p grad f dA [N], shape (zones, 2)."""
-    total = np.zeros((len(nodes), 2))
-    for k, (ball, n) in enumerate(zip(balls, nodes, strict=True)):
-        fx, fy = gradient(ball, n.x, n.y)
-        load = n.loads / kernel.singular
-        total[k] = -load @ fx, -load @ fy
-        report(f"{k + 1} of {len(nodes)} slope integrals")
-    return total

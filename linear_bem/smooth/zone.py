@@ -1,16 +1,26 @@
-"""One contact zone in the ball's own frame; `linear_bem.smooth.zone_stack` holds the formulas, for many at once."""
+"""Contact zones, one or many of one degree at once: their edges, quadrature and singular integrals.
+
+A frame maps the plane of xi to the surface by x = centre + A xi, so that the contact is close to the
+unit disc. The pressure is the square root of a polynomial P(xi), which is exact for Hertz's elliptical contact. For
+every smooth indenter p is sqrt(1 - rho^2) times a smooth function, so p^2 is smooth and vanishes linearly at the edge:
+P converges like a Taylor series, and the edge is the zero line of P.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
-from linear_bem.arrays import Array
-from linear_bem.smooth.polynomials import basis, circle
-from linear_bem.smooth.zone_stack import ZoneStack
+from linear_bem.arrays import Array, Indices, Mask
+from linear_bem.layer.kernel import gauss
+from linear_bem.smooth.polynomials import basis, circle, fit_nodes, horner, monomials
 
+CACHED = 200_000
+"""Largest number of values per array of zones treated together, so that arrays fit into the processor's cache."""
 INSIDE, BEYOND = 0.7, 1.001
 """Distance from the centre, in the frame, below which all points are inside; least distance over that of the edge from
 which all are outside."""
@@ -18,7 +28,11 @@ which all are outside."""
 
 @dataclass(frozen=True)
 class Zone:
-    """One contact zone: frame (``centre`` [m], ``axes`` 2x2 [m]) and coefficients of P [Pa^2 in the caller's unit]."""
+    """A contact zone, or many of one degree.
+
+    ``centre`` (..., 2) [m] and ``axes`` (..., 2, 2) [m] of the frame, ``coefficients`` (..., terms) of P [Pa^2 in the
+    caller's unit]. Arrays of points have the zones, if many, as their first axis.
+    """
 
     centre: Array
     axes: Array
@@ -26,84 +40,272 @@ class Zone:
     coefficients: Array
 
     @property
-    def _stack(self) -> ZoneStack:
-        return ZoneStack(self.centre[None], self.axes[None], self.degree, self.coefficients[None])
+    def shape(self) -> tuple[int, ...]:
+        """(zones,), or () for one zone."""
+        return self.centre.shape[:-1]
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, part: int | slice | Indices | Mask | None) -> Zone:
+        return Zone(self.centre[part], self.axes[part], self.degree, self.coefficients[part])
+
+    def __iter__(self) -> Iterator[Zone]:
+        return (self[k] for k in range(len(self)))
 
     @property
-    def jacobian(self) -> float:
+    def jacobian(self) -> Array:
         """Area [m^2] of the frame's unit square."""
-        return float(abs(np.linalg.det(self.axes)))
+        return np.asarray(np.abs(np.linalg.det(self.axes)))
 
     @property
-    def radius(self) -> float:
+    def radius(self) -> Any:
         """Mean radius [m] of the contact, the geometric mean of the frame's semi-axes."""
-        return float(np.sqrt(self.jacobian))
+        return np.sqrt(self.jacobian)
 
     @property
-    def reach(self) -> float:
+    def reach(self) -> Any:
         """Largest semi-axis [m] of the frame."""
-        return float(np.linalg.norm(self.axes, 2))
+        return np.linalg.norm(self.axes, 2, axis=(-2, -1))
+
+    def parts(self, numbers: int) -> Iterator[slice]:
+        """Yield slices of as many zones as fit the cache, with ``numbers`` values per zone and array."""
+        size = max(1, CACHED // numbers)
+        return (slice(start, start + size) for start in range(0, len(self), size))
+
+    def powers(self, axes: int) -> Array:
+        """Return the coefficients of P in powers of xi and eta, shape (i, j, zones), and ``axes`` more of length 1."""
+        both = np.einsum("...t,tij->ij...", self.coefficients, monomials(self.degree))
+        return both.reshape(*both.shape, *(1,) * axes)
 
     def points(self, xi: Array, eta: Array) -> tuple[Array, Array]:
         """Return the surface coordinates x, y [m] of frame points."""
-        a = self.axes
-        return self.centre[0] + a[0, 0] * xi + a[0, 1] * eta, self.centre[1] + a[1, 0] * xi + a[1, 1] * eta
+        a, c = self.axes[..., None], self.centre[..., None]
+        x = c[..., 0, :] + a[..., 0, 0, :] * xi + a[..., 0, 1, :] * eta
+        return x, c[..., 1, :] + a[..., 1, 0, :] * xi + a[..., 1, 1, :] * eta
 
     def frame(self, x: Array, y: Array) -> tuple[Array, Array]:
         """Return the frame coordinates of surface points [m]."""
-        b = np.linalg.inv(self.axes)
-        dx, dy = x - self.centre[0], y - self.centre[1]
-        return b[0, 0] * dx + b[0, 1] * dy, b[1, 0] * dx + b[1, 1] * dy
+        b = np.linalg.inv(self.axes)[..., None]
+        dx, dy = x - self.centre[..., :1], y - self.centre[..., 1:]
+        return b[..., 0, 0, :] * dx + b[..., 0, 1, :] * dy, b[..., 1, 0, :] * dx + b[..., 1, 1, :] * dy
 
     def squared_pressure(self, xi: Array, eta: Array) -> Array:
         """Return P = p^2 at frame points (negative outside the contact)."""
-        return np.asarray(np.tensordot(self.coefficients, basis(xi, eta, self.degree), 1))
+        out = np.empty(xi.shape)
+        terms = self.coefficients.shape[-1]
+        for part in np.array_split(np.arange(xi.shape[-1]), xi.size * terms // CACHED + 1):
+            values = basis(xi[..., part], eta[..., part], self.degree)
+            out[..., part] = np.einsum("...t,t...k->...k", self.coefficients, values)
+        return out
 
     def pressure(self, x: Array, y: Array) -> Array:
-        """Return p at surface points [m], zero outside the contact."""
-        xi, eta = self.frame(np.asarray(x, float), np.asarray(y, float))
-        squared, distance = np.array(np.maximum(self.squared_pressure(xi, eta), 0.0)), np.hypot(xi, eta)
+        """Return p of one zone at surface points [m], zero outside the contact."""
+        xi, eta = self.frame(x, y)
+        squared, distance = np.maximum(self.squared_pressure(xi, eta), 0.0), np.hypot(xi, eta)
         doubtful = np.flatnonzero((squared > 0.0) & (distance > INSIDE))  # P of high degree is positive outside, too
         if doubtful.size:
             r = distance.flat[doubtful]
-            edge = self.edge(np.zeros_like(r), np.zeros_like(r), xi.flat[doubtful] / r, eta.flat[doubtful] / r)
+            edge = self.edge(xi.flat[doubtful] / r, eta.flat[doubtful] / r)
             squared.flat[doubtful[r > BEYOND * edge]] = 0.0
         return np.sqrt(squared)
 
-    def edge(self, xi: Array, eta: Array, cos: Array, sin: Array) -> Array:
-        """Return the distance (frame units) from interior points along unit directions to the edge."""
-        return np.asarray(self._stack.edge(np.asarray(xi)[None], np.asarray(eta)[None], cos, sin)[0])
+    def edge(self, cos: Array, sin: Array) -> Array:
+        """Return the distance (frame units) from the frame's centre along unit directions to the edge.
+
+        For P of degree 2 this is a root of the quadratic along the ray; else Newton's method starts from there.
+        """
+        p = self.powers(1)
+        a = p[2, 0] * cos * cos + p[1, 1] * cos * sin + p[0, 2] * sin * sin
+        b, c = p[1, 0] * cos + p[0, 1] * sin, p[0, 0]
+        root = b * b - 4.0 * a * c
+        hopeful = (a < 0.0) & (root > 0.0)
+        quadratic = np.where(hopeful, b + np.sqrt(np.where(hopeful, root, 1.0)), 0.0) / np.where(hopeful, -2.0 * a, 1.0)
+        if self.degree <= 2 and np.all(hopeful):
+            return np.maximum(quadratic, 1e-12)
+        t = np.maximum(np.where(np.abs(quadratic - 1.02) < 0.1, quadratic, 1.02), 0.01)
+        floor = -1e-6 * np.abs(self.coefficients[..., :1])
+        for _ in range(40):
+            value, dx, dy = horner(p, t * cos, t * sin)
+            move = value / np.minimum(dx * cos + dy * sin, floor)
+            t = t - np.minimum(np.maximum(move, -0.3), 0.3)
+            if np.max(np.abs(move)) < 3e-8:
+                break  # the next step, quadratically smaller, is below roundoff
+        return np.maximum(t, 1e-12)
 
     def outline(self, count: int = 64) -> tuple[Array, Array]:
         """Return points x, y [m] of the contact's edge."""
         cos, sin = circle(count)
-        zero = np.zeros(count)
-        radius = self.edge(zero, zero, cos, sin)
+        radius = self.edge(cos, sin)
         return self.points(radius * cos, radius * sin)
 
-    def quadrature(self, radial: int, angular: int) -> tuple[Array, Array, Array, Array]:
-        """Return xi, eta, weights [m^2] and p at nodes that integrate p and 1/p times smooth functions spectrally."""
-        xi, eta, weights, p = self._stack.quadrature(radial, angular)
-        return xi[0], eta[0], weights[0], p[0]
+    def peaks(self, xi: Array, eta: Array) -> Array:
+        """Return the largest P near points (zones,) of large P, by Newton's method on its gradient."""
+        p, difference = self.powers(0), 1e-4
+        best, at = horner(p, xi, eta)[0], np.stack([xi, eta])
+        low, high = at - 0.3, at + 0.3
+        for _ in range(12):
+            slopes = [
+                np.stack(horner(p, at[0] + dx, at[1] + dy)[1:])
+                for dx, dy in ((0.0, 0.0), (difference, 0.0), (0.0, difference))
+            ]
+            bend = np.stack([slopes[1] - slopes[0], slopes[2] - slopes[0]]) / difference
+            scale, turn = np.linalg.eigh(0.5 * (bend + bend.transpose(1, 0, 2)).transpose(2, 0, 1))
+            # ascend even where P is convex or, as on a ring of maxima, flat in one direction
+            size = np.maximum(np.abs(scale), 1e-3 * np.max(np.abs(scale), axis=1, keepdims=True) + 1e-300)
+            move = np.einsum("nij,nj,nkj,kn->in", turn, 1.0 / size, turn, slopes[0])
+            at = np.clip(at + move, low, high)
+            best = np.maximum(best, horner(p, at[0], at[1])[0])
+        return np.asarray(best)
 
-    def half_space(self, xi: Array, eta: Array, directions: int, along: int) -> tuple[Array, Array]:
-        """Return int p/|x - x'| dA' at frame points inside (targets,), and its derivative by the coefficients of P."""
-        potential, derivative = self._stack.half_space(xi[None], eta[None], directions, along)
-        return potential[0], derivative[0]
+    def quadrature(self, radial: int, angular: int) -> tuple[Array, Array, Array, Array]:
+        """Return xi, eta, weights [m^2] and p at nodes that integrate p and 1/p times smooth functions spectrally.
+
+        Along each ray r = R cos(phi): p is sin(phi) times a smooth function, and dr is proportional to sin(phi).
+        """
+        cos, sin = circle(angular)
+        edge = self.edge(cos, sin)[..., None, :]
+        phi, w = gauss(radial)
+        phi, w = 0.25 * np.pi * (1.0 + phi)[:, None], 0.25 * np.pi * w[:, None]
+        r = edge * np.cos(phi)
+        xi, eta = (r * cos).reshape(*self.shape, -1), (r * sin).reshape(*self.shape, -1)
+        weights = (w * np.sin(phi) * edge * r * (2.0 * np.pi / angular)).reshape(xi.shape) * self.jacobian[..., None]
+        p = np.sqrt(np.maximum(self.squared_pressure(xi, eta), 1e-300))
+        return xi, eta, weights, p
+
+    def half_space(
+        self, xi: Array, eta: Array, directions: int, along: int, derivative: bool = True
+    ) -> tuple[Array, Array]:
+        """Return int p/|x - x'| dA' at frame points inside, and its derivative by the coefficients of P.
+
+        Polar coordinates about each target remove the singularity. Along each chord the rule is Gauss-Chebyshev, exact
+        for sqrt(parabola) times polynomials; over the chords' directions it is the trapezoidal rule. Shapes (...,
+        targets) and (..., targets, terms); without ``derivative`` the latter has no terms.
+        """
+        if not self.shape:
+            potential, changes = self[None].half_space(xi[None], eta[None], directions, along, derivative)
+            return potential[0], changes[0]
+        angle = (np.arange(directions) + 0.5) * np.pi / directions
+        cos, sin = np.cos(angle), np.sin(angle)
+        beta = (np.arange(along) + 0.5) * np.pi / along
+        a = self.axes[..., None]
+        stretch = np.hypot(a[:, 0, 0] * cos + a[:, 0, 1] * sin, a[:, 1, 0] * cos + a[:, 1, 1] * sin)
+        measure = np.pi / along * np.pi / directions * self.jacobian[:, None] / stretch
+        terms = self.coefficients.shape[1] if derivative else 0
+        potential, changes = np.empty(xi.shape), np.empty((*xi.shape, terms))
+        for part in self.parts(xi.shape[1] * directions * along * max(1, terms // 8)):
+            x, y = xi[part, :, None], eta[part, :, None]
+            chord = _Chords.through(self[part], x, y, cos, sin)
+            ahead, back = chord.ends()
+            half, middle = 0.5 * (ahead + back)[..., None], 0.5 * (ahead - back)[..., None]
+            t = middle + half * np.cos(beta)
+            weight = half * np.sin(beta) * measure[part, None, :, None]
+            p = np.sqrt(np.maximum(chord.squared_pressure(t), 1e-300))
+            potential[part] = np.sum(weight * p, axis=(2, 3))
+            if derivative:
+                share = (0.5 * weight / p).reshape(*x.shape[:2], -1)
+                u, v = x[..., None] + t * cos[:, None], y[..., None] + t * sin[:, None]
+                phi = basis(u, v, self.degree).reshape(terms, *share.shape)
+                changes[part] = np.einsum("tnkc,nkc->nkt", phi, share)
+        return potential, changes
 
     def reframed(self, degree: int) -> Zone:
         """Return the same pressure in the frame that maps its edge closest to the unit circle, at a new degree."""
-        new = self._stack.reframed(degree)
-        return Zone(new.centre[0], new.axes[0], degree, new.coefficients[0])
+        outline = np.stack(self.outline(32), axis=-2)
+        centre = outline.mean(axis=-1)
+        d = outline - centre[..., None]
+        scale, turn = np.linalg.eigh(2.0 * d @ np.swapaxes(d, -1, -2) / d.shape[-1])
+        mean = np.sqrt(scale.mean(axis=-1))[..., None, None] * np.eye(2)
+        round_enough = scale[..., 1:] - scale[..., :1] < 1e-3 * scale[..., 1:]
+        axes = np.where(round_enough[..., None], mean, turn * np.sqrt(np.maximum(scale, 0.0))[..., None, :])
+        xi, eta, fit = fit_nodes(degree)
+        new = replace(self, centre=centre, axes=axes, degree=degree)
+        old = self.frame(*new.points(xi, eta))
+        return replace(new, coefficients=self.squared_pressure(*old) @ fit.T)
 
 
-def stacked(zones: Sequence[Zone]) -> ZoneStack:
+def stacked(zones: Sequence[Zone]) -> Zone:
     """Return zones of one degree together."""
     centre, axes, coefficients = (np.array([getattr(z, k) for z in zones]) for k in ("centre", "axes", "coefficients"))
-    return ZoneStack(centre, axes, zones[0].degree, coefficients)
+    return Zone(centre, axes, zones[0].degree, coefficients)
 
 
-def unstacked(zones: ZoneStack) -> list[Zone]:
-    """Return the zones of a stack one by one."""
-    together = zip(zones.centre, zones.axes, zones.coefficients, strict=True)
-    return [Zone(centre, axes, zones.degree, coefficients) for centre, axes, coefficients in together]
+@dataclass(frozen=True)
+class _Chords:
+    """P along chords through points: polynomials of (t - ``middle``) / ``half``, t the distance from the point.
+
+    The interval from -1 to 1 is the part of the chord in a disc a little larger than the unit disc.
+    """
+
+    middle: Array
+    half: Array
+    coefficients: Array
+    start: tuple[Array, Array]
+
+    @classmethod
+    def through(cls, zones: Zone, x: Array, y: Array, cos: Array, sin: Array) -> _Chords:
+        """Return the chords through points (zones, points, 1) in some directions."""
+        middle = -(x * cos + y * sin)
+        half = np.sqrt(np.maximum(middle**2 + 1.02**2 - x * x - y * y, 1e-4))
+        nodes, chebyshev, powers = _chord_rule(zones.degree)
+        t = middle + half * nodes[:, None, None, None]
+        values = _value(zones.powers(2), x + t * cos, y + t * sin)
+        c0, c1, c2 = np.tensordot(chebyshev, values, 1)
+        # the best parabola, c0 + c1 u + c2 (2 u^2 - 1), has its roots close to the chord's ends
+        root = c1 * c1 - 8.0 * c2 * (c0 - c2)
+        hopeful = (c2 < 0.0) & (root > 0.0)
+        root, c2 = np.sqrt(np.where(hopeful, root, 0.0)), np.where(hopeful, 4.0 * c2, -1.0)
+        ends = [np.where(hopeful, (-c1 + sign * root) / c2, -sign) for sign in (-1.0, 1.0)]
+        trusted = [np.where(np.abs(u - end) * half < 0.2, u, end) for u, end in zip(ends, (1.0, -1.0), strict=True)]
+        return cls(middle, half, np.tensordot(powers, values, 1), (trusted[0], trusted[1]))
+
+    def ends(self) -> tuple[Array, Array]:
+        """Return the distances from the points to the edge, ahead and back, by Newton's method."""
+        size = -1e-6 * np.max(np.abs(self.coefficients), axis=0)
+        out = []
+        for sign, start in zip((1.0, -1.0), self.start, strict=True):
+            u = start
+            for _ in range(40):
+                value, slope = np.zeros_like(u), np.zeros_like(u)
+                for c in self.coefficients[::-1]:
+                    slope = slope * u + value
+                    value = value * u + c
+                move = value / np.minimum(sign * slope, size)
+                u = u - sign * np.minimum(np.maximum(move, -0.3), 0.3)
+                if np.max(np.abs(move) * self.half) < 3e-8:
+                    break  # the next step, quadratically smaller, is below roundoff
+            out.append(np.maximum(sign * (self.middle + self.half * u), 1e-12))
+        return out[0], out[1]
+
+    def squared_pressure(self, t: Array) -> Array:
+        """Return P at distances t, shape (zones, points, chords, distances)."""
+        u = (t - self.middle[..., None]) / self.half[..., None]
+        value = np.zeros_like(u)
+        for c in self.coefficients[::-1, ..., None]:
+            value *= u
+            value += c
+        return value
+
+
+@lru_cache(maxsize=16)
+def _chord_rule(degree: int) -> tuple[Array, Array, Array]:
+    """Return nodes on [-1, 1], and matrices from values to the Chebyshev coefficients up to 2 and to powers."""
+    nodes = np.cos((np.arange(degree + 1) + 0.5) * np.pi / (degree + 1))
+    inverse = np.linalg.inv(np.polynomial.chebyshev.chebvander(nodes, degree))
+    powers = np.linalg.inv(np.polynomial.polynomial.polyvander(nodes, degree))
+    return nodes, inverse[:3], powers
+
+
+def _value(powers: Array, x: Array, y: Array) -> Array:
+    """Return a polynomial by Horner's rule; see `linear_bem.smooth.polynomials.horner`."""
+    degree = len(powers) - 1
+    value = np.zeros(np.shape(x))
+    row = np.empty(np.shape(x))
+    for i in range(degree, -1, -1):
+        row[:] = powers[i, degree - i]
+        for j in range(degree - i - 1, -1, -1):
+            row *= y
+            row += powers[i, j]
+        value *= x
+        value += row
+    return value

@@ -55,7 +55,7 @@ def scene(kind: str, rng: random.Random) -> Problem:
 
 def levels(problem: Problem, seconds: float) -> list[GridContacts]:
     kernel, until, found = LayeredKernel.of(problem), time.monotonic() + seconds, []
-    for contacts in grid_levels(problem, kernel, first_guess(problem, kernel)):
+    for contacts in grid_levels(first_guess(problem, kernel)):
         found.append(contacts)
         if time.monotonic() > until:
             break

@@ -10,20 +10,20 @@ from linear_bem.error_estimate import felt
 from linear_bem.far_field import pairs_and_mesh
 from linear_bem.lifted_balls import smooth_state
 from linear_bem.profiles import height
+from linear_bem.sampled_solution import sample_error
 from linear_bem.smooth.displacement import DirectSums
-from linear_bem.smooth.exact_sample import sample_error
-from linear_bem.smooth.newton import NodeStack, Rule
+from linear_bem.smooth.newton import Nodes, Rule
 from linear_bem.smooth.own_equations import OwnEquations
-from linear_bem.smooth.zone_stack import ZoneStack
+from linear_bem.smooth.zone import Zone
 from tests.linear_bem.sampled_scenes import errors, forces, scattered, scene, thin
 
 
 def test_pairs_are_sharper_at_the_second_degree(monkeypatch):
     asked = []
 
-    def noted(problem, kernel, degree, start, precision, pairs, report):
+    def noted(start, degree, precision, pairs, report):
         asked.append((degree, pairs))
-        return smooth_state(problem, kernel, degree, start, precision, pairs, report)
+        return smooth_state(start, degree, precision, pairs, report)
 
     def off(contacts, report):
         sample = sample_error(contacts, report)
@@ -43,9 +43,9 @@ def test_wide_contacts_begin_at_degree_six_and_small_forces_with_sharper_pairs(
 ):
     asked = []
 
-    def noted(problem, kernel, degree, start, precision, pairs, report):
+    def noted(start, degree, precision, pairs, report):
         asked.append((degree, pairs))
-        return smooth_state(problem, kernel, degree, start, precision, pairs, report)
+        return smooth_state(start, degree, precision, pairs, report)
 
     monkeypatch.setattr(sampled_solution, "smooth_state", noted)
     places = scattered(105, 2.8 * np.sqrt(105), low=1.0)[0]
@@ -84,16 +84,16 @@ def test_sweeps_go_on_at_their_degree_until_the_pull_is_settled(monkeypatch):
 
 def test_few_nodes_in_a_contact_give_the_step_of_all_quadrature_points(monkeypatch):
     contacts = solve_contact(scene("force", "elastic base", 110), 1e-3).contacts
-    zones = NodeStack.joined(contacts.smooth.nodes).zones
+    zones = Nodes.joined(list(contacts.smooth.nodes)).zone
     zones.coefficients[0, 0] -= 0.1 * np.max(np.abs(zones.coefficients[0]))  # its edge passes between the nodes
     rule, targets = Rule.of(zones, contacts.kernel.thickness), []
-    nodes, half_space = NodeStack.of(zones, rule), ZoneStack.half_space
+    nodes, half_space = Nodes.of(zones, rule), Zone.half_space
 
     def noted(zones, xi, *rest):
         targets.append((len(zones), xi.shape[1]))
         return half_space(zones, xi, *rest)
 
-    monkeypatch.setattr(ZoneStack, "half_space", noted)
+    monkeypatch.setattr(Zone, "half_space", noted)
     profile = np.array([height(b)(x, y) for b, x, y in zip(contacts.problem.balls, nodes.x, nodes.y, strict=True)])
     given = nodes, np.zeros_like(nodes.x), profile, nodes.forces, np.ones(110, dtype=bool)
     all_points = OwnEquations(contacts.kernel, rule, 1e-9).step(*given)
@@ -117,6 +117,6 @@ def test_direct_sums_serve_residuals_and_sample_alike(monkeypatch):
             super().__init__(*given)
 
     monkeypatch.setattr("linear_bem.smooth.contacts.DirectSums", Counted)
-    monkeypatch.setattr("linear_bem.smooth.exact_sample.DirectSums", Counted, raising=False)
+    monkeypatch.setattr("linear_bem.sampled_solution.DirectSums", Counted, raising=False)
     assert solve(scene("force", "half-space"), 1e-2).solved.unknowns == 15 * 105
     assert len(made) == 1

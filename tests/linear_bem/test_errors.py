@@ -65,7 +65,7 @@ def test_the_errors_of_grids_are_covered_on_every_grid(name):
     kernel = LayeredKernel.of(problem)
     exact = quantities(solve_contact(problem, 1e-6).contacts)
     before = errors = previous = None
-    for contacts in itertools.islice(grid_levels(problem, kernel, first_guess(problem, kernel)), 4):
+    for contacts in itertools.islice(grid_levels(first_guess(problem, kernel)), 4):
         errors = errors_of_one(contacts) if before is None else errors_by_change(before, contacts, previous)
         previous = None if before is None else errors
         for what, found in quantities(contacts).items():
@@ -115,7 +115,7 @@ def test_an_edge_narrower_than_a_cell_is_covered(edge, depth):
     problem = Problem(HALF_SPACE, (Ball((0.0, 0.0), shape=Punch(1.0, edge)),), Load("approach", (depth,)))
     kernel = LayeredKernel.of(problem)
     before = previous = None
-    for contacts in itertools.islice(grid_levels(problem, kernel, first_guess(problem, kernel)), 3):
+    for contacts in itertools.islice(grid_levels(first_guess(problem, kernel)), 3):
         errors = errors_of_one(contacts) if before is None else errors_by_change(before, contacts, previous)
         assert abs(contacts.normal_forces[0] - force) <= errors["normal_force"][0] < 0.03 * force
         assert abs(contacts.contact_areas[0] - np.pi * radius**2) <= errors["contact_area"][0] < 0.2 * radius**2
@@ -128,7 +128,7 @@ def test_the_peak_at_the_edge_of_a_stiff_film_is_covered_by_coarse_cells_too():
     """Cells nearly half as wide as the film is thick: the peak is 6 % too large, and two coarse grids may agree."""
     problem = pair(Layer(30.0, 0.3, 0.05), Load("approach", (0.1, 0.1)), substrate=Elastic(1.0, 0.3))
     kernel = LayeredKernel.of(problem)
-    levels = list(itertools.islice(grid_levels(problem, kernel, first_guess(problem, kernel)), 3))
+    levels = list(itertools.islice(grid_levels(first_guess(problem, kernel)), 3))
     exact = levels[-1].peak_pressures
     first = errors_of_one(levels[0])["peak_pressure"]
     second = errors_by_change(levels[0], levels[1])["peak_pressure"]

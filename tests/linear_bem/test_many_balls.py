@@ -9,6 +9,7 @@ import linear_bem.solver
 from linear_bem import Ball, Elastic, Layer, Load, Problem, solve, solve_contact
 from linear_bem.smooth.contacts import EVALUATED
 from linear_bem.smooth.displacement import DirectSums, zone_displacement
+from linear_bem.smooth.newton import Nodes
 from tests.linear_bem.conftest import PAPER_LOAD
 from tests.linear_bem.sampled_scenes import forces, scene
 
@@ -76,7 +77,7 @@ def test_the_certificate_detects_a_wrong_pressure_under_any_ball():
         nodes = list(contacts.smooth.nodes)
         zone = replace(nodes[k].zone, coefficients=1.01 * nodes[k].zone.coefficients)
         nodes[k] = replace(nodes[k], zone=zone, pressure=np.sqrt(1.01) * nodes[k].pressure)
-        wrong = replace(contacts, smooth=replace(contacts.smooth, nodes=tuple(nodes)))
+        wrong = replace(contacts, smooth=replace(contacts.smooth, nodes=Nodes.joined(nodes)))
         # half a per cent of the ball's own displacement exceeds the tolerance of an accepted solution
         assert wrong.certificate["gap_in_contact"] > 1e-3
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from linear_bem import Ball, Elastic, Layer, Load, Problem, solve, solve_contact, solve_point_load
-from linear_bem.closed_forms import hertz_approach, hertz_contact_radius, hertz_peak_pressure
+from linear_bem.closed_forms import hertz_force
 from linear_bem.layer.rectangle_load import deepest_bulge, love_rectangle, uniform_square_displacement
 from tests.linear_bem.conftest import PAPER_LOAD
 
@@ -31,11 +31,11 @@ def test_one_ball_is_hertz():
     layer = Layer(3.0, 0.3, np.inf)
     for load in (1e-8, 1e-2, 1.0):
         ball = solve(Problem(layer, (Ball((0.3, 0.2), 2.0, "paraboloid"),), Load("force", (load,)))).balls[0]
-        approach = hertz_approach(load, 2.0, layer.contact_modulus)
-        a = hertz_contact_radius(approach, 2.0)
-        assert ball.approach == pytest.approx(approach, rel=1e-9)
-        assert ball.contact_area == pytest.approx(np.pi * a * a, rel=1e-9)
-        assert ball.peak_pressure == pytest.approx(hertz_peak_pressure(load, a), rel=1e-9)
+        # Johnson 1985, eqs. 4.22 to 4.24; the force goes like the approach to 3/2
+        assert hertz_force(ball.approach, 2.0, layer.contact_modulus) == pytest.approx(load, rel=1.5e-9)
+        area = np.pi * 2.0 * ball.approach
+        assert ball.contact_area == pytest.approx(area, rel=1e-9)
+        assert ball.peak_pressure == pytest.approx(1.5 * load / area, rel=1e-9)
         assert np.hypot(*ball.tangential_force) <= 1e-15 * load
 
 

@@ -119,7 +119,7 @@ def test_a_cell_is_the_middle_of_a_large_free_lattice():
     found = []
     for problem in (periodic, free):  # the same degree: only the images differ, which end at 16 thicknesses
         kernel = LayeredKernel.of(problem)
-        contacts = smooth_state(problem, kernel, 4, first_guess(problem, kernel), 1e-8)
+        contacts = smooth_state(first_guess(problem, kernel), 4, 1e-8)
         found.append((contacts.mutual_force[:3], contacts.approaches[:3], contacts.contact_areas[:3]))
     (force, *state), (wanted, *others) = found
     np.testing.assert_allclose(force, wanted, atol=1e-6 * np.max(np.abs(wanted)))

@@ -8,8 +8,7 @@ import pytest
 from linear_bem import Ball, Layer, Load, Problem, sampled_solution, solve, solve_contact
 from linear_bem.errors import InvalidProblem, NotConverged
 from linear_bem.problem import Periodic
-from linear_bem.smooth import exact_sample
-from linear_bem.smooth.exact_sample import sample_error
+from linear_bem.sampled_solution import sample_error
 from linear_bem.smooth.newton import solve_zones
 from tests.linear_bem.sampled_scenes import errors, forces, scattered, scene
 
@@ -83,7 +82,7 @@ def test_balls_of_the_sample_solved_together_are_those_solved_one_by_one(monkeyp
 
     contacts = solve_contact(scene(load, "elastic base", 110), 1e-3).contacts
     together = sample_error(contacts)
-    monkeypatch.setattr(exact_sample, "sweep_zones", one_by_one)
+    monkeypatch.setattr(sampled_solution, "sweep_zones", one_by_one)
     alone = sample_error(contacts)
     largest = np.max(np.abs(contacts.mutual_force))
     assert together.tangential_force == pytest.approx(alone.tangential_force, abs=1e-7 * largest)
