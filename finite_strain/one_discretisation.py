@@ -129,7 +129,6 @@ class MeshRun:
         Collective. Linear solves are counted since the caller last reset the solver's ``effort``.
         """
         model, solver, record, effort = self.own.model, self.own.solver, records[-1], self.own.solver.effort
-        bent = self.own.path.distorted()
         reaction, pressed = model.base_reaction(), float(model.part_forces().sum())
         return SolverAccount(
             fraction=record.fraction,
@@ -139,12 +138,7 @@ class MeshRun:
             augmented=record.augmented, cuts=max(each.cuts for each in records), residual=record.residual,
             tolerance=solver.tolerance,
             penetration=float(state.penetration.max()), force_balance=abs(pressed - reaction) / pressed,
-            smallest_volume_ratio=bent.volume_ratio, smallest_surface_stretch=bent.surface_stretch,
-            smallest_seen_area=bent.seen_area, surface_crossing=bent.crossing,
-            distorted_at={
-                "volume_ratio": list(bent.at), "surface_stretch": list(bent.surface_at),
-                "seen_area": list(bent.seen_at),
-            },
+            **vars(self.own.path.distorted()),
             strain_energy=2 ** len(self.plan.reduction.planes) * model.strain_energy(),
             linear_solver=solver.choice.method,
             linear_iterations=effort.linear_iterations, linear_fallbacks=effort.linear_fallbacks,

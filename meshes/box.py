@@ -15,6 +15,8 @@ import numpy as np
 
 TAGS = {"layer": 1, "substrate": 2, "top": 11, "bottom": 12, "x_low": 13, "x_high": 14, "y_low": 15, "y_high": 16}
 """Physical groups: two volumes and the six outer faces of the box."""
+SIDES = {"x_low": (0, 0), "x_high": (0, 1), "y_low": (1, 0), "y_high": (1, 1)}
+"""Axis and end (0: low, 1: high) of the upright faces."""
 GROWTH, FILLER_GROWTH = 1.2, 0.6
 """Ratio of successive element sizes, less one, times f: in blocks, and outside."""
 FIRST_LAYER, LAYERS = 0.8, 5.0

@@ -107,12 +107,6 @@ def _block(box: Box, zone: Zone) -> np.ndarray:
     return quads
 
 
-def _cells(grid: np.ndarray) -> np.ndarray:
-    """Return the corners (n, 4, 2) of the quadrilaterals between the nodes (i, j, 2) of a grid."""
-    corners = [grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]]
-    return np.stack(corners, axis=2).reshape(-1, 4, 2)
-
-
 def _curved_cells(grid: np.ndarray) -> np.ndarray:
     """Return the nodes (n, 9, 2) of the quadrilaterals whose corners are every second node (i, j, 2) of a grid."""
     low, high = slice(0, -1, 2), slice(2, None, 2)
@@ -199,7 +193,8 @@ def _columns(box: Box, quads: np.ndarray, axis: int, value: float) -> list[np.nd
             met = offset[(offset > 0.0) & (np.abs(quads[..., 1 - axis] - along[end]) < SAME * (high - low))]
             width[end] = met.min() if met.size else width[end]
         along, width = halved(along), halved(width)
-        cells = _cells(np.stack([_on_side(axis, value, along), _on_side(axis, value + inward * width, along)]))
+        near, far = _on_side(axis, value, along), _on_side(axis, value + inward * width, along)
+        cells = np.stack([near[:-1], far[:-1], far[1:], near[1:]], axis=1)
         columns.append(cells if corner_angles(cells).max() < 180.0 else cells[:, ::-1])
     return columns
 

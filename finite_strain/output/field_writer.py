@@ -3,9 +3,8 @@
 Each element of order p is written as p^3 linear cells between its own nodes, which every reader supports; the
 nodal displacements are those of the solution. Points, vectors and tensors are in the scene's frame; the part beyond
 the mirror planes is not written (attributes name the planes: ParaView's Reflect filter and `thirdbody render`
-complete the scene).
-Each step has its own files, closed when the step ends, so that all finished steps of a killed run are readable.
-If DOLFINx was built with ADIOS2, each step also has a VTX folder.
+complete the scene). All finished steps of a killed run are readable. If DOLFINx was built with ADIOS2, each step also
+has a VTX folder.
 """
 
 import shutil

@@ -61,10 +61,7 @@ class GivenMesh:
 
 @dataclass(frozen=True)
 class RunPlan:
-    """The parts of a run: ``goals`` are the load fractions with output.
-
-    ``loads`` are the fractions at which discretisations are compared: the goals, and more if the goals are few.
-    """
+    """The parts of a run; ``goals`` are the load fractions with output."""
 
     problem: Problem
     reduction: Reduction
@@ -110,7 +107,7 @@ class RunPlan:
 
     @property
     def loads(self) -> tuple[float, ...]:
-        """The load fractions at which every discretisation has results, rising."""
+        """The rising load fractions at which discretisations are compared: the goals, and more if these are few."""
         last = self.goals[-1]
         is_known = not (self.is_hyperelastic or self.has_free_sides)  # by linear_bem
         if is_known or sum(goal >= self.nearby * last for goal in self.goals) >= ENOUGH:
