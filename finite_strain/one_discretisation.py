@@ -53,10 +53,8 @@ class ModelRun:
         self.solver = NewtonSolver(self.model, control, plan.numerics, observer.newton)
         self.meter = ForceMeter(self.model, box)
         self.extremes = Extremes(self.model)
-        self.path = LoadPath(
-            problem, self.model, control, self.solver, partial(observer.attempt, name), level.penalty,
-            plan.numerics.shortest_step, plan.path[0],
-        )  # fmt: skip
+        attempt, shortest = partial(observer.attempt, name), plan.numerics.shortest_step
+        self.path = LoadPath(problem, self.solver, attempt, level.penalty, shortest, plan.path[0])
 
     def close(self) -> None:
         """Free matrix, factors and vectors (collective)."""
@@ -119,9 +117,8 @@ class MeshRun:
 
     def close(self) -> None:
         """Free the objects of both models (collective)."""
-        for run in (self.own, self.small):
-            if run is not None:
-                run.close()
+        for run in filter(None, (self.own, self.small)):
+            run.close()
 
     def account(self, records: Sequence[StepRecord], state: ContactState, began: float) -> SolverAccount:
         """Return the cost of ``records``, the load steps since ``began`` [s of `time.monotonic`].

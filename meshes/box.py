@@ -106,14 +106,14 @@ class Box:
         return math.log1p(self.growth * GROWTH / self.fineness)
 
     @property
+    def sides(self) -> list[tuple[int, float]]:
+        """The four upright sides: the axis normal to each, and its coordinate [m] along it."""
+        return [(axis, end) for axis, ends in enumerate((self.x, self.y)) for end in ends]
+
+    @property
     def coarsest(self) -> float:
         """Size [m] of the largest elements."""
-        reach = [
-            min(abs(zone.position[axis] - end) for zone in self.zones)
-            for axis, side in enumerate((self.x, self.y))
-            for end in side
-        ]
-        return max(reach) / FAR
+        return max(min(abs(zone.position[axis] - end) for zone in self.zones) for axis, end in self.sides) / FAR
 
     def quadrants(self, zone: Zone) -> list[tuple[int, int]]:
         """Return the signs (x, y) of the quadrants of a zone's block that lie in the box."""

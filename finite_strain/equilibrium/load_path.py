@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from finite_strain.contact.contact_energy import Penalised
-from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.unknowns import Values
 from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.force.distortion import Distortion, distortion
 from finite_strain.geometry.estimates import STIFFENING, alone, is_stable, penalties
-from finite_strain.geometry.load_control import LoadControl
 from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
 
@@ -83,15 +81,15 @@ class LoadPath:
     """
 
     def __init__(
-        self, problem: Problem, model: Model, control: LoadControl, solver: NewtonSolver,
-        observe: Callable[[float, int], None], stiffer: float, shortest: float, longest: float,
+        self, problem: Problem, solver: NewtonSolver, observe: Callable[[float, int], None], stiffer: float,
+        shortest: float, longest: float,
     ) -> None:  # fmt: skip
-        self.problem, self.model, self.control, self.solver = problem, model, control, solver
+        self.problem, self.solver, self.model, self.control = problem, solver, solver.model, solver.control
         self._observe, self.stiffer, self._shortest, self._longest = observe, stiffer, shortest, longest
         self.history: list[State] = []
         self._borrowed = False
         """Whether states of the path began with those of another discretisation, or of an earlier run."""
-        self.source, self.ahead = model.contact.penalised, 1.0
+        self.source, self.ahead = self.model.contact.penalised, 1.0
 
     def steps(self, fractions: Sequence[float], predictor: Predictor = lambda _: None) -> Iterator[StepRecord]:
         """Yield after each converged step; all fractions are reached in turn, with smaller steps where needed.
