@@ -53,9 +53,15 @@ class FieldWriter:
 
     def forget_after(self, number: int) -> None:
         """Remove the steps beyond ``number`` that an earlier, different run left in the folder (collective)."""
-        last = stem(number)
-        beyond = (path for path in self.folder.glob("step_*.*") if path.stem > last)
-        on_root(self.model.comm, lambda: list(map(_remove, beyond)))
+
+        def remove() -> None:
+            for path in [path for path in self.folder.glob("step_*.*") if path.stem > stem(number)]:
+                if path.is_dir():  # of VTX
+                    shutil.rmtree(path)
+                else:
+                    path.unlink()
+
+        on_root(self.model.comm, remove)
 
     def write(self, number: int, fraction: float) -> None:
         """Write step ``number`` (1, 2, ...) if it is requested, and rewrite the index."""
@@ -154,13 +160,6 @@ class FieldWriter:
             mirror_planes=reduction.scene_vectors(reduction.mirrors),
             mirror_planes_meaning="normals of the planes through frame_origin beyond which the scene mirrors itself",
         )
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir():  # of VTX
-        shutil.rmtree(path)
-    else:
-        path.unlink()
 
 
 def _strains(gradient: np.ndarray, finite: bool) -> tuple[np.ndarray, np.ndarray]:
