@@ -33,6 +33,7 @@ from ufl.algorithms.apply_derivatives import apply_derivatives
 from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 
+from finite_strain.mpi import on_root
 from linear_bem.errors import InvalidProblem, MissingDependency, OutputUnusable
 from meshes.groups import number_groups
 from meshes.layer import gmsh_session
@@ -43,14 +44,9 @@ _COMPILER_SECONDS, _NOTED_AFTER = 600, 2.0
 """How long the compiler waits for a form that another run compiles, and how long it works without a message [s]."""
 _COMPILING = "compiling finite elements for this kind of scene, once: it may take minutes, and later runs find them"
 _FLAGS = [
-    "-O2",
-    "-g0",
-    "-ftree-vectorize",
-    "-fno-math-errno",
-    "-fno-trapping-math",
-    "-fno-signed-zeros",
+    "-O2", "-g0", "-ftree-vectorize", "-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros",
     "-fassociative-math",
-]
+]  # fmt: skip
 _WIDE_FLAGS = ["-mavx2", "-mfma"]
 """Compiler flags of forms, and those where every rank's processor has these instructions: sums over quadrature points
 are vectorised, and NaN and infinity keep their meaning. With -O2 alone matrices of order 4 take 1.5 times as long,
@@ -243,23 +239,22 @@ def vtx_writer() -> Any:
 def read_mesh(path: Path, comm: MPI.Comm) -> tuple[Any, Any, Any]:
     """Return mesh, cell tags and facet tags of a .msh file, whose groups are known by name or number (`TAGS`)."""
     reader = import_module("dolfinx.io.gmshio" if VERSION < (0, 10) else "dolfinx.io.gmsh")
-    failure: Exception | None = None
+
+    def open_file() -> None:
+        try:
+            gmsh.open(str(path))
+            number_groups(path)
+        except InvalidProblem:
+            raise
+        except Exception as error:
+            said = str(error).removesuffix(" ()")
+            raise InvalidProblem(
+                f"mesh: gmsh cannot read {path}: {said}; write it by gmsh.write, in the .msh format of "
+                "version 4.1 or 2.2"
+            ) from error
+
     with gmsh_session() if comm.rank == 0 else nullcontext():
-        if comm.rank == 0:
-            try:
-                gmsh.open(str(path))
-                number_groups(path)
-            except InvalidProblem as error:
-                failure = error
-            except Exception as error:
-                said = str(error).removesuffix(" ()")
-                failure = InvalidProblem(
-                    f"mesh: gmsh cannot read {path}: {said}; write it by gmsh.write, in the .msh format of "
-                    "version 4.1 or 2.2"
-                )
-        failure = comm.bcast(failure, root=0)
-        if failure:
-            raise failure
+        on_root(comm, open_file)
         answer = reader.model_to_mesh(gmsh.model if comm.rank == 0 else None, comm, 0, 3)
     return answer[0], answer[1], answer[2]  # DOLFINx 0.10 and later return more
 

@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TypeVar, cast
 
@@ -58,10 +58,6 @@ def working_folder(folder: Path | None, comm: MPI.Comm) -> Iterator[Path]:
         on_root(comm, lambda: folder.mkdir(parents=True, exist_ok=True))
         yield folder
         return
-    scratch = tempfile.TemporaryDirectory(prefix="thirdbody-") if comm.rank == 0 else None
-    try:
-        yield Path(comm.bcast(scratch.name if scratch else None, root=0))
+    with tempfile.TemporaryDirectory(prefix="thirdbody-") if comm.rank == 0 else nullcontext() as scratch:
+        yield Path(comm.bcast(scratch, root=0))
         comm.barrier()
-    finally:
-        if scratch:
-            scratch.cleanup()

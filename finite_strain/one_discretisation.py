@@ -53,10 +53,8 @@ class ModelRun:
         self.solver = NewtonSolver(self.model, control, plan.numerics, observer.newton)
         self.meter = ForceMeter(self.model, box)
         self.extremes = Extremes(self.model)
-        self.path = LoadPath(
-            problem, self.model, control, self.solver, partial(observer.attempt, name), level.penalty,
-            plan.numerics.shortest_step, plan.path[0],
-        )  # fmt: skip
+        attempt, shortest = partial(observer.attempt, name), plan.numerics.shortest_step
+        self.path = LoadPath(problem, self.solver, attempt, level.penalty, shortest, plan.path[0])
 
     def close(self) -> None:
         """Free matrix, factors and vectors (collective)."""
@@ -119,9 +117,8 @@ class MeshRun:
 
     def close(self) -> None:
         """Free the objects of both models (collective)."""
-        for run in (self.own, self.small):
-            if run is not None:
-                run.close()
+        for run in filter(None, (self.own, self.small)):
+            run.close()
 
     def account(self, records: Sequence[StepRecord], state: ContactState, began: float) -> SolverAccount:
         """Return the cost of ``records``, the load steps since ``began`` [s of `time.monotonic`].
@@ -129,7 +126,6 @@ class MeshRun:
         Collective. Linear solves are counted since the caller last reset the solver's ``effort``.
         """
         model, solver, record, effort = self.own.model, self.own.solver, records[-1], self.own.solver.effort
-        bent = self.own.path.distorted()
         reaction, pressed = model.base_reaction(), float(model.part_forces().sum())
         return SolverAccount(
             fraction=record.fraction,
@@ -139,12 +135,7 @@ class MeshRun:
             augmented=record.augmented, cuts=max(each.cuts for each in records), residual=record.residual,
             tolerance=solver.tolerance,
             penetration=float(state.penetration.max()), force_balance=abs(pressed - reaction) / pressed,
-            smallest_volume_ratio=bent.volume_ratio, smallest_surface_stretch=bent.surface_stretch,
-            smallest_seen_area=bent.seen_area, surface_crossing=bent.crossing,
-            distorted_at={
-                "volume_ratio": list(bent.at), "surface_stretch": list(bent.surface_at),
-                "seen_area": list(bent.seen_at),
-            },
+            **vars(self.own.path.distorted()),
             strain_energy=2 ** len(self.plan.reduction.planes) * model.strain_energy(),
             linear_solver=solver.choice.method,
             linear_iterations=effort.linear_iterations, linear_fallbacks=effort.linear_fallbacks,

@@ -1,8 +1,6 @@
 """A user's mesh: reads it, checks it against the problem, and tags it like the meshes that a run makes.
 
-Coordinates are in metres in the scene's frame; the top is z = 0. The mesh holds the whole scene or, if it ends at a
-mirror plane x = 0 or y = 0 of the scene, the part x > 0 or y > 0. Flat sides slide in their plane, as parts
-of an infinite layer; with other sides, which are free, the mesh is a body of its own.
+`finite_strain.solve` says what it must be.
 """
 
 import hashlib
@@ -24,7 +22,7 @@ from finite_strain.planning.run_plan import GivenMesh
 from linear_bem.closed_forms import Indentation
 from linear_bem.errors import InvalidProblem
 from linear_bem.problem import Problem
-from meshes.box import TAGS
+from meshes.box import SIDES, TAGS
 
 CELLS = {"hexahedron": (8, 27), "tetrahedron": (4, 10)}
 """Numbers of nodes of the accepted cells: straight ones, and curved ones of order 2."""
@@ -87,7 +85,7 @@ class OwnMesh:
         sides = {axis: (0.0 if axis in reduction.planes else float(low[axis]), float(high[axis])) for axis in (0, 1)}
         faults = self._faults_of_regions(problem, near)
         bottom = float(low[2])
-        faults += self._tag({"top": (2, 0.0), "bottom": (2, bottom)}, near)
+        faults += self._faults_of_faces({"top": 0.0, "bottom": bottom}, near)
         if faults:
             raise InvalidProblem(*faults)
         room = self._room(self._tag_sides(sides, near), reduction)
@@ -123,7 +121,7 @@ class OwnMesh:
             low, high = self._range(cells)
             if not low[2] < high[2]:
                 faults.append(f"{self.name}: no cell has the tag {TAGS[name]} ({name}), {self._found(self.cell_tags)}")
-            elif max(abs(high[2] - above), 0.0 if below == -np.inf else abs(low[2] - below)) > near:
+            elif abs(high[2] - above) > near or (below > -np.inf and abs(low[2] - below) > near):
                 faults.append(
                     f"{self.name}: the {name} must reach from z = {below:g} to {above:g} m, got {low[2]:.6g} to "
                     f"{high[2]:.6g} m; give it the scene's thickness in metres, with the top at z = 0"
@@ -142,47 +140,41 @@ class OwnMesh:
         values = sorted({int(value) for part in self.comm.allgather(np.unique(tags.values)) for value in part})
         return f"got the tags {', '.join(map(str, values))}" if values else "got no tags"
 
-    def _on(self, axis: int, value: float, near: float) -> np.ndarray:
-        """Return this rank's outer facets on a plane."""
-        facets = dolfinx.mesh.locate_entities_boundary(self.mesh, 2, lambda x: np.abs(x[axis] - value) <= near)
+    def _own(self, facets: np.ndarray) -> np.ndarray:
         return np.asarray(facets[facets < self.mesh.topology.index_map(2).size_local])
 
-    def _tag(self, planes: dict[str, tuple[int, float]], near: float) -> list[str]:
-        """Return a message per fault of the tagged facets; those of each name must lie in one plane."""
+    def _on(self, axis: int, value: float, near: float) -> np.ndarray:
+        """Return this rank's outer facets on a plane."""
+        where = dolfinx.mesh.locate_entities_boundary(self.mesh, 2, lambda x: np.abs(x[axis] - value) <= near)
+        return self._own(where)
+
+    def _faults_of_faces(self, levels: dict[str, float], near: float) -> list[str]:
+        """Return a message per fault of the tagged facets; those of each name must be all at one level z [m]."""
         faults, mesh = [], self.name
-        for name, (axis, value) in planes.items():
-            tagged = self.facet_tags.find(TAGS[name])
-            tagged = tagged[tagged < self.mesh.topology.index_map(2).size_local]
-            there = self._on(axis, value, near)
+        for name, value in levels.items():
+            tagged, there = self._own(self.facet_tags.find(TAGS[name])), self._on(2, value, near)
             counts = [len(tagged), len(np.setdiff1d(tagged, there)), len(np.setdiff1d(there, tagged))]
             number, outside, untagged = self.comm.allreduce(np.array(counts))
+            level, tag = f"z = {value:.6g} m", f"the tag {TAGS[name]} ({name})"
             if not number:
-                found = self._found(self.facet_tags)
-                faults.append(
-                    f"{mesh}: no facet has the tag {TAGS[name]} ({name}), {found}; tag those at z = {value:.6g} m"
-                )
+                faults.append(f"{mesh}: no facet has {tag}, {self._found(self.facet_tags)}; tag those at {level}")
             elif outside:
                 rule = "must be flat: balls press into a plane" if name == "top" else "must be flat"
-                faults.append(f"{mesh}: the {name} {rule} z = {value:.6g} m, {outside} of its {number} facets leave it")
+                faults.append(f"{mesh}: the {name} {rule} {level}, {outside} of its {number} facets leave it")
             elif untagged:
-                faults.append(
-                    f"{mesh}: {untagged} outer facets at z = {value:.6g} m lack the tag {TAGS[name]} ({name})"
-                )
+                faults.append(f"{mesh}: {untagged} outer facets at {level} lack {tag}")
         return faults
 
     def _tag_sides(self, sides: dict[int, tuple[float, float]], near: float) -> np.ndarray:
         """Replace the facet tags by those of top, bottom and the flat sides; return this rank's other outer facets."""
         found = {name: self.facet_tags.find(TAGS[name]) for name in ("top", "bottom")}
-        for axis, ends in sides.items():
-            for end, value in zip(("low", "high"), ends, strict=True):
-                found[f"{'xy'[axis]}_{end}"] = self._on(axis, value, near)
+        found |= {name: self._on(axis, sides[axis][end], near) for name, (axis, end) in SIDES.items()}
         facets = np.concatenate(list(found.values())).astype(np.int32)
         numbers = np.concatenate([np.full(len(each), TAGS[name], dtype=np.int32) for name, each in found.items()])
         order = np.argsort(facets)
         self.facet_tags = dolfinx.mesh.meshtags(self.mesh, 2, facets[order], numbers[order])
         outer = dolfinx.mesh.locate_entities_boundary(self.mesh, 2, lambda x: np.full(x.shape[1], True))
-        outer = outer[outer < self.mesh.topology.index_map(2).size_local]
-        return np.asarray(np.setdiff1d(outer, facets))
+        return np.setdiff1d(self._own(outer), facets)
 
     def _room(self, free: np.ndarray, reduction: Reduction) -> tuple[float, ...]:
         """Return the distance [m] of each ball's axis from free sides, infinite without (collective)."""

@@ -10,10 +10,9 @@ from pathlib import Path
 from mpi4py import MPI
 
 from finite_strain import FORMAT, Inspect, compat
-from finite_strain.accuracy.answer import Answers
+from finite_strain.accuracy.answer import Answers, judge
 from finite_strain.accuracy.notes import relative_to, result_notes
 from finite_strain.accuracy.pairs import LinearTruth
-from finite_strain.accuracy.reached import judge
 from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.discrete_model import Meshed
 from finite_strain.discretisation.regions import pressures
@@ -53,7 +52,7 @@ class Refinement:
         inspect: Inspect | None = None, meshed: Meshed | None = None,
     ) -> None:  # fmt: skip
         self.plan, self.folder, self.comm, self.observer = plan, folder, comm, observer
-        self.fields, self.keep, self.inspect, self.meshed = fields, keep, inspect, meshed
+        self.fields, self.keep, self.inspect, self.meshed = fields or FieldChoice(), keep, inspect, meshed
         self.began = time.monotonic()
         parts: tuple[object, ...] = (
             FORMAT, plan.problem, plan.model, plan.goals, plan.accuracy, plan.budget, plan.numerics
@@ -89,6 +88,7 @@ class Refinement:
 
     def run(self) -> Result:
         """Run one discretisation after another (collective)."""
+        plan = self.plan
         if not self.records:
             self.records.append(Record(PATH_FINDER))
         answered, why = 0, ""
@@ -102,21 +102,17 @@ class Refinement:
             if record.stopped and number > 1:
                 why = f"{record.level} did not reach full load: {record.stopped}"
                 break
-            level = self.comm.bcast(
-                decide(
-                    self.plan.accuracy, self.records, self.plan.budget, self.plan.unknowns, self.plan.given is not None
-                ),
-                root=0,
-            )  # fmt: skip
+            level = decide(plan.accuracy, self.records, plan.budget, plan.unknowns, plan.given is not None)
+            level = self.comm.bcast(level, root=0)
             if isinstance(level, str):
                 why = level
                 break
             self.records.append(Record(level))
             self._save()
-        if self._reach(answered) < self.plan.goals[-1]:
+        if self._reach(answered) < plan.goals[-1]:
             kept = f"; the steps before are kept in {self.folder}" if self.keep and self.records[answered].steps else ""
             stopped = self.records[-1].stopped
-            reasons = [*([why] if stopped in why else [stopped, why]), *softening(self.plan.problem)]
+            reasons = [*([why] if stopped in why else [stopped, why]), *softening(plan.problem)]
             raise NotConverged(f"{'; '.join(filter(None, reasons))}{kept}")
         return self._result(answered, why)
 
@@ -185,11 +181,10 @@ class Refinement:
             record.rows.append(Row(own, small))
             record.seconds = spent + time.monotonic() - began
             self._keep(snapshot, number, "own")
-            if coarse is None or coarser(self.records[: number + 1]).at(done.fraction) is None:
-                self._save()
-                continue
-            if done.fraction not in plan.goals:
+            is_compared = coarse is not None and coarser(self.records[: number + 1]).at(done.fraction) is not None
+            if is_compared and done.fraction not in plan.goals:
                 self._answers(number).compare(done.fraction, self._truth(number, done.fraction))
+            if not is_compared or done.fraction not in plan.goals:
                 self._save()
                 continue
             answer = self._answer(number, len(record.steps) + 1, run.account(taken, own, mark))
@@ -288,8 +283,7 @@ class Refinement:
         notes = [*self.damage, *result_notes(plan, record, why, sum(each.seconds for each in self.records))]
         solvers = ", then ".join(dict.fromkeys(step.linear_solver for step in steps))  # may change on restart
         if self.keep and answered == len(self.records) - 1:
-            choice = self.fields or FieldChoice()
-            wanted = [each.step for each in steps if choice.wants(each.step, each.fraction)]
+            wanted = [each.step for each in steps if self.fields.wants(each.step, each.fraction)]
             notes += on_root(self.comm, lambda: missing_files(self.folder, wanted))
         notes += solver_notes(solvers, sum(step.linear_fallbacks for step in steps), self.unused)
         certificate = ("penetration", "force_balance", "residual")

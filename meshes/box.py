@@ -15,6 +15,8 @@ import numpy as np
 
 TAGS = {"layer": 1, "substrate": 2, "top": 11, "bottom": 12, "x_low": 13, "x_high": 14, "y_low": 15, "y_high": 16}
 """Physical groups: two volumes and the six outer faces of the box."""
+SIDES = {"x_low": (0, 0), "x_high": (0, 1), "y_low": (1, 0), "y_high": (1, 1)}
+"""Axis and end (0: low, 1: high) of the upright faces."""
 GROWTH, FILLER_GROWTH = 1.2, 0.6
 """Ratio of successive element sizes, less one, times f: in blocks, and outside."""
 FIRST_LAYER, LAYERS = 0.8, 5.0
@@ -104,14 +106,14 @@ class Box:
         return math.log1p(self.growth * GROWTH / self.fineness)
 
     @property
+    def sides(self) -> list[tuple[int, float]]:
+        """The four upright sides: the axis normal to each, and its coordinate [m] along it."""
+        return [(axis, end) for axis, ends in enumerate((self.x, self.y)) for end in ends]
+
+    @property
     def coarsest(self) -> float:
         """Size [m] of the largest elements."""
-        reach = [
-            min(abs(zone.position[axis] - end) for zone in self.zones)
-            for axis, side in enumerate((self.x, self.y))
-            for end in side
-        ]
-        return max(reach) / FAR
+        return max(min(abs(zone.position[axis] - end) for zone in self.zones) for axis, end in self.sides) / FAR
 
     def quadrants(self, zone: Zone) -> list[tuple[int, int]]:
         """Return the signs (x, y) of the quadrants of a zone's block that lie in the box."""

@@ -9,7 +9,7 @@ import gmsh
 import numpy as np
 
 from linear_bem.errors import ThirdBodyError, UnsupportedProblem
-from meshes.box import TAGS, Box
+from meshes.box import SIDES, TAGS, Box
 from meshes.plane import halved, open_edges, plane_mesh
 
 HEXAHEDRON, QUADRILATERAL = 12, 10
@@ -99,10 +99,8 @@ def _write(box: Box, unit: float, points: np.ndarray, cells: np.ndarray, in_laye
     """Write discrete entities: two volumes, six faces, each with its physical group."""
     model = gmsh.model
     faces = _outer_faces(cells)
-    planes = {
-        "top": (2, 0.0), "bottom": (2, -box.thickness - box.substrate), "x_low": (0, box.x[0]),
-        "x_high": (0, box.x[1]), "y_low": (1, box.y[0]), "y_high": (1, box.y[1]),
-    }  # fmt: skip
+    planes = {"top": (2, 0.0), "bottom": (2, -box.thickness - box.substrate)}
+    planes |= {name: (axis, (box.x, box.y)[axis][end]) for name, (axis, end) in SIDES.items()}
     groups = {name: faces[np.all(points[faces][..., axis] == end, axis=1)] for name, (axis, end) in planes.items()}
     if len(faces) != sum(len(group) for group in groups.values()):
         raise ThirdBodyError("mesh: blocks and filler do not match (inner faces are left open)")

@@ -39,7 +39,7 @@ def plane_mesh(box: Box) -> tuple[np.ndarray, np.ndarray]:
     points, cells = _merged(np.concatenate([quads, _filler(_outlines(box, quads))]))
     free = np.ones(len(points), dtype=bool)
     free[cells[: len(blocks)]] = False
-    for axis, value in _sides(box):
+    for axis, value in box.sides:
         free[points[:, axis] == value] = False
     points = _smoothed(points, cells, free)
     if corner_angles(points[cells]).max() >= 180.0:
@@ -100,17 +100,10 @@ def _block(box: Box, zone: Zone) -> np.ndarray:
         image = quadrant * np.array([sx, sy]) + np.array(zone.position)
         images.append(image if sx * sy > 0 else image[:, _TURNED])
     quads = np.concatenate(images)
-    for axis, ends in enumerate((box.x, box.y)):  # a block reaches its mirror plane exactly
-        for end in ends:
-            on = np.abs(quads[..., axis] - end) < SAME * zone.half_width
-            quads[..., axis][on] = end
+    for axis, end in box.sides:  # a block reaches its mirror plane exactly
+        on = np.abs(quads[..., axis] - end) < SAME * zone.half_width
+        quads[..., axis][on] = end
     return quads
-
-
-def _cells(grid: np.ndarray) -> np.ndarray:
-    """Return the corners (n, 4, 2) of the quadrilaterals between the nodes (i, j, 2) of a grid."""
-    corners = [grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]]
-    return np.stack(corners, axis=2).reshape(-1, 4, 2)
 
 
 def _curved_cells(grid: np.ndarray) -> np.ndarray:
@@ -143,15 +136,11 @@ def open_edges(cells: np.ndarray) -> np.ndarray:
     return np.array([edge for edge in edges.tolist() if (edge[1], edge[0]) not in known])
 
 
-def _sides(box: Box) -> list[tuple[int, float]]:
-    return [(axis, end) for axis, ends in enumerate((box.x, box.y)) for end in ends]
-
-
 def _cutting_sides(box: Box) -> list[tuple[int, float]]:
     """Return the sides (axis, value) of the box that cut a block in half."""
     return [
         (axis, value)
-        for axis, value in _sides(box)
+        for axis, value in box.sides
         if any(abs(zone.position[axis] - value) < SAME * zone.half_width for zone in box.zones)
     ]
 
@@ -199,7 +188,8 @@ def _columns(box: Box, quads: np.ndarray, axis: int, value: float) -> list[np.nd
             met = offset[(offset > 0.0) & (np.abs(quads[..., 1 - axis] - along[end]) < SAME * (high - low))]
             width[end] = met.min() if met.size else width[end]
         along, width = halved(along), halved(width)
-        cells = _cells(np.stack([_on_side(axis, value, along), _on_side(axis, value + inward * width, along)]))
+        near, far = _on_side(axis, value, along), _on_side(axis, value + inward * width, along)
+        cells = np.stack([near[:-1], far[:-1], far[1:], near[1:]], axis=1)
         columns.append(cells if corner_angles(cells).max() < 180.0 else cells[:, ::-1])
     return columns
 
@@ -235,9 +225,9 @@ def _outlines(box: Box, quads: np.ndarray) -> list[np.ndarray]:
     """
     points, cells = _merged(quads)
     pieces = [points[open_edges(cells)[:, ::-1]]]
-    for axis, value in _sides(box):
+    for axis, value in box.sides:
         pieces[0] = pieces[0][np.any(pieces[0][..., axis] != value, axis=1)]
-    for axis, value in _sides(box):
+    for axis, value in box.sides:
         for gap in _gaps(box, quads, axis, value):
             nodes = _on_side(axis, value, halved(_graded_side(box, axis, value, gap, [])[0]))
             forward = (axis == 0) == (value == (box.x, box.y)[axis][1])

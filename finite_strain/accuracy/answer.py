@@ -1,4 +1,7 @@
-"""The answer at a load step: from the finest discretisation, its small-strain pair, and the error budget."""
+"""The answer at a load step: from the finest discretisation, its small-strain pair, and the error budget.
+
+The answer at the last load step gives the accuracy that the discretisation has reached.
+"""
 
 import math
 from collections.abc import Sequence
@@ -8,6 +11,7 @@ import numpy as np
 
 from finite_strain.accuracy.error_budget import Terms, discretisation, enforcement, gain, transfer
 from finite_strain.accuracy.pairs import LinearTruth, Paired, paired, ratio, unpaired, unsure
+from finite_strain.force.distortion import is_resolved
 from finite_strain.geometry.extent import scale_of_force
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.planning.records import Answer, ContactState, Record, Row, SolverAccount
@@ -15,7 +19,7 @@ from finite_strain.planning.run_plan import ENOUGH, RunPlan
 from linear_bem.dual import slope
 from linear_bem.errors import ThirdBodyError
 from linear_bem.indenter import Indenter
-from linear_bem.problem import Problem
+from linear_bem.problem import Load, Problem
 from linear_bem.result import BallResult
 from linear_bem.solver import solve
 
@@ -45,11 +49,11 @@ class Answers:
         plan = self.plan
         if plan.has_free_sides:
             return ""
-        load = plan.problem.load
-        scene = Problem(plan.problem.layer, plan.problem.balls, load, plan.problem.substrate)
-        scene = scene.with_load(load.kind, [fraction * value for value in load.values])
+        problem, load = plan.problem, plan.problem.load
+        part = Load(load.kind, tuple(fraction * value for value in load.values))
+        linear = Problem(problem.layer, problem.balls, part, problem.substrate)
         try:
-            balls = solve(scene, max(min(LINEAR_ACCURACY * plan.accuracy, 1e-3), 1e-6)).balls
+            balls = solve(linear, max(min(LINEAR_ACCURACY * plan.accuracy, 1e-3), 1e-6)).balls
         except ThirdBodyError as error:
             return str(error)
         chosen = [(ball.index, balls[ball.index]) for ball in plan.reduction.balls]
@@ -121,11 +125,11 @@ class Answers:
         ``pull`` (balls, 2) [N] is T, ``error`` (balls,) [N] its error; ``through`` (balls,) is the error of the force
         [N] or approach [m] that is not prescribed.
         """
-        area, peak, reduction = fine.own.contact_area, fine.own.peak_pressure, self.plan.reduction
+        own, reduction = fine.own, self.plan.reduction
+        area, peak = own.contact_area, own.peak_pressure
         if truth is not None and fine.small is not None:
             area = area * ratio(truth.contact_area, fine.small.contact_area, empty=1.0) ** now.weight
             peak = peak * ratio(truth.peak_pressure, fine.small.peak_pressure, empty=1.0) ** now.weight
-        own = fine.own
         routes = {
             "domain": now.tangential_force, "domain_without_pair": own.tangential_force,
             "traction": own.traction_force,
@@ -155,7 +159,7 @@ class Answers:
         own = unpaired(row.own)
         wrong = np.linalg.norm(known.per_squared_force - own.per_squared_force, axis=1)
         share = getattr(known, self.follows) / np.maximum(getattr(own, self.follows), 1e-300)
-        return Paired(own.normal_force, own.approach, own.per_squared_force, wrong, np.abs(share - 1.0), own.weight)
+        return replace(own, transfer=wrong, force_transfer=np.abs(share - 1.0))
 
     def _steepest(self, own: ContactState) -> float:
         """Return the largest slope of an indenter at the edge of its contact; at least the root of D / h."""
@@ -170,8 +174,7 @@ class Answers:
     def compare(self, fraction: float, said: LinearTruth | str) -> None:
         """Store the changes from the coarser discretisation at a load without an answer; see `answer`."""
         truth = None if isinstance(said, str) else said
-        _, now, before = self._at(fraction, truth)
-        self._changed(fraction, now, before, truth)
+        self._changed(fraction, *self._at(fraction, truth)[1:], truth)
 
     def _changed(
         self, fraction: float, now: Paired, before: Paired, truth: LinearTruth | None
@@ -225,6 +228,29 @@ class Answers:
 
     def _per_ball(self, values: np.ndarray) -> list[float]:
         return [float(values[image.model_ball]) for image in self.plan.reduction.images]
+
+
+def judge(plan: RunPlan, record: Record) -> None:
+    """Record the accuracy at the last step: the largest error of a ball's T over the scale, and its terms."""
+    if not record.steps:
+        return
+    last = record.steps[-1]
+    if plan.is_hyperelastic:
+        film = 1.0 - max(ball.approach for ball in last.balls) / plan.problem.layer.thickness
+        record.resolved = is_resolved(last.smallest_volume_ratio, film)
+    forces = np.array([ball.normal_force for ball in last.balls])
+    pulls = [math.hypot(*ball.tangential_force) for ball in last.balls]
+    largest = max(pulls) if len(pulls) > 1 else 0.0  # the T of a single ball is an error, no scale
+    record.scale = max(largest, scale_of_force(plan.problem, forces))
+    known = [(ball.tangential_force_error, record.scale) for ball in last.balls]
+    if record.scale == 0.0:  # without mutual forces the force or approach that was not given counts
+        known = [(error, getattr(ball, name)) for ball in last.balls for name, error in ball.errors.items()]
+    shares = [error / size if size > 0.0 else 0.0 for error, size in known]
+    worst = int(np.argmax(shares))
+    record.reached, size = shares[worst], known[worst][1]
+    record.terms = {name: values[worst] / size for name, values in last.error_terms.items() if size > 0.0}
+    if last.fraction < plan.goals[-1]:
+        record.reached = math.inf
 
 
 def _others_at(worst: int, terms: Terms) -> Terms:

@@ -7,7 +7,7 @@ import numpy as np
 from finite_strain.force.distortion import is_resolved
 from finite_strain.mechanics.own_energy import softening
 from finite_strain.mechanics.volumetric import form_notes
-from finite_strain.planning.records import Answer, Record
+from finite_strain.planning.records import Record
 from finite_strain.planning.run_plan import RunPlan
 from linear_bem.counts import grouped
 from linear_bem.depth import dent, large_strain_note, overlap_note
@@ -85,7 +85,9 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             "contact of the surface with itself is not computed"
         )
     if not plan.is_hyperelastic:
-        notes += _small_strain_notes(plan, last)
+        layer, ball = plan.problem.layer, max(last.balls, key=lambda ball: ball.approach)
+        base = dent(plan.problem.substrate, layer.thickness, ball.normal_force, ball.contact_area)
+        notes += large_strain_note(layer, ball.approach, base)
     notes += overlap_note(plan.problem, np.array([ball.approach for ball in last.balls]))
     failures = dict.fromkeys(step.linear_failure for step in record.steps if step.linear_failure)
     notes += [f"no correction by the small-strain pair, because linear_bem has no answer: {text}" for text in failures]
@@ -95,14 +97,6 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             "error follows from the element orders alone"
         )
     return notes + _overrun(plan, record, seconds)
-
-
-def _small_strain_notes(plan: RunPlan, last: Answer) -> tuple[str, ...]:
-    """Return the note where small strain does not hold."""
-    layer, substrate = plan.problem.layer, plan.problem.substrate
-    ball = max(last.balls, key=lambda ball: ball.approach)
-    base = dent(substrate, layer.thickness, ball.normal_force, ball.contact_area)
-    return large_strain_note(layer, ball.approach, base)
 
 
 def _overrun(plan: RunPlan, record: Record, seconds: float) -> list[str]:

@@ -85,10 +85,6 @@ class _Slot:
             offset, displacement = (_turned(vector, contact.angle) for vector in (offset, displacement))
         return gap(self.kind, self.fields["radius"], offset, displacement, approach, contact.finite)
 
-    def set(self, name: str, per_ball: np.ndarray, default: float = 0.0) -> None:
-        """Set every cell to the value of its ball, ``default`` where it has none."""
-        self.fields[name].x.array[:] = np.append(np.asarray(per_ball, dtype=float), default)[self.balls]
-
 
 class Contact:
     """The contact energy of all balls of a reduced scene and its derivatives."""
@@ -107,12 +103,10 @@ class Contact:
         tags = dolfinx.mesh.meshtags(self.mesh, 2, marked, np.ones(len(marked), dtype=np.int32))
         measure = ufl.Measure("ds", domain=self.mesh, subdomain_data=tags, metadata={"quadrature_degree": degree})
         self.measure = measure(1)
-        for slot in self.slots:
-            slot.set("x", np.array([ball.position[0] for ball in balls]))
-            slot.set("y", np.array([ball.position[1] for ball in balls]))
-            slot.set("radius", np.array([ball.radius for ball in balls]), default=1.0)
+        self.set("x", [ball.position[0] for ball in balls])
+        self.set("y", [ball.position[1] for ball in balls])
+        self.set("radius", [ball.radius for ball in balls], default=1.0)
         self.approaches = self.penalties = np.zeros(len(balls))
-        self.set_approaches(self.approaches)
 
     def _make_slots(self) -> list[_Slot]:
         """Assign to every cell below the top the balls that it may touch, the smallest gap first."""
@@ -136,6 +130,11 @@ class Contact:
                 slots.append(_Slot(self, kind, constants, balls))
         return slots
 
+    def set(self, name: str, per_ball: np.ndarray | list[float], default: float = 0.0) -> None:
+        """Set every cell to the value of its candidate balls, ``default`` where it has none."""
+        for slot in self.slots:
+            slot.fields[name].x.array[:] = np.append(np.asarray(per_ball, dtype=float), default)[slot.balls]
+
     @property
     def energy(self) -> Any:
         """The contact potential [J] as a form."""
@@ -144,14 +143,12 @@ class Contact:
     def set_approaches(self, approaches: np.ndarray) -> None:
         """Move the balls to approaches (balls,) [m]."""
         self.approaches = np.array(approaches, dtype=float)
-        for slot in self.slots:
-            slot.set("approach", self.approaches)
+        self.set("approach", self.approaches)
 
     def set_penalties(self, penalties: np.ndarray) -> None:
         """Give each ball its penalty (balls,) [Pa/m]."""
         self.penalties = np.array(penalties, dtype=float)
-        for slot in self.slots:
-            slot.set("penalty", penalties)
+        self.set("penalty", self.penalties)
 
     @property
     def penalised(self) -> Penalised:
@@ -167,11 +164,10 @@ class Contact:
         self.earlier.x.array[:] = source.displacement.ravel()
         self.set_penalties(stiffer * source.penalties)
         self.turning.value = float(source.turning)
-        for slot in self.slots:
-            slot.set("earlier", source.approaches)
+        self.set("earlier", source.approaches)
         self.augmented.value = 1.0 / stiffer - 1.0
 
-    def close_gaps(self, share: float = 1.0) -> None:
+    def close_gaps(self, share: float) -> None:
         """Change the equilibrium condition so that a share of the source state's penetration vanishes."""
         self.augmented.value += share
 
@@ -191,8 +187,7 @@ class Contact:
 
     def choose(self, balls: np.ndarray) -> None:
         """Set the weights (balls,) of the balls in the forms of `per_ball`."""
-        for slot in self.slots:
-            slot.set("chosen", balls)
+        self.set("chosen", balls)
 
     def readings(self, stretch: Any) -> dict[str, Any]:
         """Return forms of the chosen balls by name, for the area ratio ``stretch`` of the deformed surface.

@@ -56,13 +56,10 @@ class Snapshot:
         if the nodes do not lie in the mesh of the state.
         """
         locations = locations or Locations()
-        answer: list[np.ndarray] = []
-        for number, points in enumerate(fields.points):
-            cells, places = locations.find(self.nodes, points)
-            answer.append(_evaluate(self.values[number], cells, places))
-            if number == 0:
-                source = replace(self.source, displacement=_evaluate(self.source.displacement, cells, places))
-        return (answer[0], *(values.ravel() for values in answer[1:])), source
+        found = [locations.find(self.nodes, points) for points in fields.points]
+        nodal, *pressures = (_evaluate(values, *at) for values, at in zip(self.values, found, strict=True))
+        source = replace(self.source, displacement=_evaluate(self.source.displacement, *found[0]))
+        return (nodal, *(values.ravel() for values in pressures)), source
 
     def save(self, path: Path) -> None:
         """Write the state to a file atomically (on one rank)."""

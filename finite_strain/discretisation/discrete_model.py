@@ -22,11 +22,9 @@ from finite_strain.discretisation.readings import Readings
 from finite_strain.discretisation.regions import Bulk, constant
 from finite_strain.discretisation.unknowns import Fields
 from finite_strain.geometry.symmetry import Reduction
-from finite_strain.mechanics.volumetric import Volumetric
 from linear_bem.problem import Problem
-from meshes.box import TAGS
+from meshes.box import SIDES, TAGS
 
-_PLANES = {"x_low": (0, 0), "x_high": (0, 1), "y_low": (1, 0), "y_high": (1, 1)}
 Meshed = tuple[Any, Any, Any]
 """Mesh, cell tags, facet tags."""
 
@@ -48,14 +46,13 @@ class Model:
         """Weight and direction of the domain integral (`finite_strain.force.domain_integral`)."""
         self.bulks = regions.make_bulks(problem, self.mesh, self.cell_tags, order - 1)
         self.fields = Fields(self.displacement, [bulk.pressure for bulk in self.bulks if bulk.pressure is not None])
-        self._stretch = self.bulks[0].kinematics.surface_stretch(ufl.grad(self.displacement))
+        self.stretch = self.bulks[0].kinematics.surface_stretch(ufl.grad(self.displacement))
         self.length = min(ball.radius for ball in problem.balls)
         degree = 2 * order + contact_degree
         self.contact = Contact(self.displacement, self.facet_tags, reduction, self.is_finite, degree)
-        moduli, turning = regions.Moduli.of(self.bulks, self.mesh, self.cell_tags), self.contact.turning
-        self._constants = {  # made once: equal parts of a form are compiled once, too
-            bulk.tag: regions.elastic_constants(bulk, self.mesh, moduli, self.length, turning) for bulk in self.bulks
-        }
+        self.constants = regions.elastic_constants(
+            self.bulks, self.mesh, self.cell_tags, self.length, self.contact.turning
+        )  # made once: equal parts of a form are compiled once, too
         self.bcs = self._make_constraints()
         self._compile()
 
@@ -66,7 +63,7 @@ class Model:
         bcs = [dolfinx.fem.dirichletbc(np.zeros(3, dtype=PETSc.ScalarType), self._bottom, self.space)]
         self.mirrors = np.zeros((2, 2), dtype=bool)
         """Whether (x, y) there is a flat side (low, high), a plane of symmetry; others are free."""
-        for name, (axis, end) in _PLANES.items():
+        for name, (axis, end) in SIDES.items():
             facets = self.facet_tags.find(TAGS[name])
             self.mirrors[axis, end] = self.comm.allreduce(len(facets)) > 0
             component = self.space.sub(axis)
@@ -86,13 +83,9 @@ class Model:
         """Whether some region has a pressure unknown: the equilibrium is then a saddle point of the potential."""
         return bool(self.fields.pressures)
 
-    def constants(self, bulk: Bulk) -> tuple[Any, Volumetric]:
-        """Return mu and the volumetric energy of a region, as its kinematics needs them."""
-        return self._constants[bulk.tag]
-
     def energy_density(self, bulk: Bulk, gradient: Any) -> Any:
         """Return the strain energy of a region [J/m^3] in its displacement gradient, an expression."""
-        return bulk.kinematics.energy_density(gradient, *self.constants(bulk), ufl.grad(self._still))
+        return bulk.kinematics.energy_density(gradient, *self.constants[bulk.tag], ufl.grad(self._still))
 
     def volume_integral(self, density: Any) -> Any:
         """Return the sum over regions of the integral of ``density``, a function of energy psi and gradient."""
@@ -122,7 +115,7 @@ class Model:
         changing = [ufl.derivative(self.contact.energy, u, test)] if self._has_constant_bulk else residuals
         self._products = [sum(ufl.derivative(r, f, d) for f, d in pairs) for r in changing]
         inside = {"strain_energy": lambda psi, _: psi, "eshelby": self._eshelby}
-        surface = self.contact.readings(self._stretch) | {"contact_energy": self.contact.energy}
+        surface = self.contact.readings(self.stretch) | {"contact_energy": self.contact.energy}
         surface["configurational"] = self.contact.configurational_form(self.weight, self.axis)
         self.readings = Readings(self.contact, self.volume_integral, inside, surface)
         self._by_move = ufl.derivative(surface["normal"], u, test)
@@ -148,11 +141,6 @@ class Model:
     def _border(self) -> Any:
         """The residual's derivative with respect to the approach, needed for prescribed forces only (collective)."""
         return compat.compile_form(self._by_move, self.comm)
-
-    @property
-    def contact_pressure_expression(self) -> Any:
-        """The contact pressure per deformed area [Pa], for the cells below the top."""
-        return self.contact.pressure() / self._stretch
 
     def close(self) -> None:
         """Free the matrices and the work vectors (collective)."""
@@ -191,9 +179,8 @@ class Model:
 
     def part_forces(self) -> np.ndarray:
         """Return the normal force (balls,) [N] on the simulated part of each ball (collective)."""
-        return np.asarray(
-            self.readings.per_ball("normal")[:, 0] / np.array([ball.copies for ball in self.contact.balls])
-        )
+        copies = np.array([ball.copies for ball in self.contact.balls])
+        return np.asarray(self.readings.per_ball("normal")[:, 0] / copies)
 
     def _eshelby(self, psi: Any, gradient: Any) -> Any:
         """Return -Sigma_kJ q,J along the axis k, with Eshelby's stress Sigma and the weight q."""

@@ -21,24 +21,20 @@ class MeanPressure:
     """Means of the contact pressure per deformed area over the test functions of a scalar Lagrange space."""
 
     def __init__(self, model: Model, space: Any) -> None:
-        self.space = space
+        self.space, self._means = space, dolfinx.fem.Function(space)
         self._asked = constant(model.mesh, 0.0)
-        value = ufl.conditional(ufl.gt(self._asked, 0), model.contact_pressure_expression, 1)
+        value = ufl.conditional(ufl.gt(self._asked, 0), model.contact.pressure() / model.stretch, 1)
         self._form = compat.compile_form(value * ufl.TestFunction(space) * model.contact.measure, model.comm)
         self._work = compat.ghosted_vector(self._form, space)
 
     def __call__(self) -> np.ndarray:
-        """Return the means [Pa] at this rank's own nodes, zero where no facet may touch a ball (collective)."""
-        moment, weight = (self._assembled(asked) for asked in (1.0, 0.0))
-        return np.divide(moment, weight, out=np.zeros_like(moment), where=weight > 0.0)
-
-    def function(self) -> Any:
-        """Return the means as a function of the space, ghosts included (collective)."""
-        means, answer = self(), dolfinx.fem.Function(self.space)
-        answer.x.array[: len(means)] = means
-        answer.x.scatter_forward()
-        return answer
-
-    def _assembled(self, asked: float) -> np.ndarray:
-        self._asked.value = asked
-        return assembled(self._work, [self._form])
+        """Return the means [Pa] at local nodes, ghosts included; zero where no facet may touch a ball (collective)."""
+        parts = []
+        for asked in (1.0, 0.0):
+            self._asked.value = asked
+            parts.append(assembled(self._work, [self._form]))
+        moment, weight = parts
+        means = self._means.x
+        means.array[: len(moment)] = np.divide(moment, weight, out=np.zeros_like(moment), where=weight > 0.0)
+        means.scatter_forward()
+        return np.array(means.array)

@@ -13,7 +13,7 @@ from petsc4py import PETSc
 from finite_strain import compat
 from finite_strain.discretisation.unknowns import idle_dofs
 from finite_strain.mechanics.kinematics import Finite, Kinematics, Small
-from finite_strain.mechanics.volumetric import Compressible, Mixed, Volumetric, is_mixed, volume_stiffness
+from finite_strain.mechanics.volumetric import Compressible, Mixed, Volumetric, describe_forms, volume_stiffness
 from linear_bem.law import Energy, Law
 from linear_bem.problem import Elastic, Problem
 from meshes.box import TAGS
@@ -33,39 +33,20 @@ class Bulk:
     idle: np.ndarray | None = None
 
 
-@dataclass(frozen=True)
-class Moduli:
-    """Lame's constants mu and lambda [Pa], constant in each cell; lambda is 0 in mixed form, where it is not used."""
-
-    shear: Any
-    lame: Any
-
-    @classmethod
-    def of(cls, bulks: Sequence[Bulk], mesh: Any, cell_tags: Any) -> Moduli:
-        """Return the constants of the regions."""
-        space = compat.function_space(mesh, 0, discontinuous=True)
-        moduli = cls(dolfinx.fem.Function(space, name="mu"), dolfinx.fem.Function(space, name="lambda"))
-        for bulk in bulks:
-            cells = cell_tags.find(bulk.tag)
-            moduli.shear.x.array[cells] = bulk.solid.shear_modulus
-            moduli.lame.x.array[cells] = bulk.solid.lame_first if bulk.pressure is None else 0.0
-        return moduli
-
-
 def make_bulks(problem: Problem, mesh: Any, cell_tags: Any, order: int) -> list[Bulk]:
     """Return the regions; in mixed form each has its own pressure of this ``order``, which jumps between regions.
 
     At finite strain the layer has the scene's law, and a substrate, which hardly strains, is neo-Hookean.
     """
     bulks, effect = [], problem.finite_strain
-    regions = {"layer": problem.layer, "substrate": problem.substrate}
-    for name, solid in ((name, solid) for name, solid in regions.items() if solid is not None):
+    for name, form in describe_forms(problem).items():
         pressure = idle = None
-        if is_mixed(problem, name):  # on a separate space, to which its constraints belong
+        if form == "mixed":  # on a separate space, to which its constraints belong
             pressure = dolfinx.fem.Function(compat.function_space(mesh, order), name=f"{name}_pressure")
             idle = idle_dofs(pressure, cell_tags.find(TAGS[name]))
         own = Finite() if effect is None or name == "substrate" else Finite(with_constants(effect.chosen, mesh))
-        bulks.append(Bulk(TAGS[name], solid, Small() if effect is None else own, pressure, idle))
+        kinematics = Small() if effect is None else own
+        bulks.append(Bulk(TAGS[name], getattr(problem, name), kinematics, pressure, idle))
     return bulks
 
 
@@ -85,18 +66,29 @@ def constant(mesh: Any, value: float | tuple[float, ...]) -> Any:
     return dolfinx.fem.Constant(mesh, np.asarray(value, dtype=PETSc.ScalarType))
 
 
-def elastic_constants(bulk: Bulk, mesh: Any, moduli: Moduli, length: float, stiffened: Any) -> tuple[Any, Volumetric]:
-    """Return mu and the volumetric energy; ``length`` [m] scales the pressure unknown.
+def elastic_constants(
+    bulks: Sequence[Bulk], mesh: Any, cell_tags: Any, length: float, stiffened: Any
+) -> dict[int, tuple[Any, Volumetric]]:
+    """Return mu and the volumetric energy of each region by its tag; ``length`` [m] scales the pressure unknown.
 
-    ``stiffened`` is 1 where the mixed form needs its stiffness against changes of volume, else 0.
+    Lame's constants are constant in each cell. ``stiffened`` is 1 where the mixed form needs its stiffness against
+    changes of volume, else 0.
     """
-    solid = bulk.solid
-    if bulk.pressure is None:
-        return moduli.shear, Compressible(moduli.lame)
-    unit = constant(mesh, solid.shear_modulus / length)
-    compliance, stiffness = 1.0 / solid.lame_first, volume_stiffness(solid.shear_modulus, solid.lame_first)
-    mixed = Mixed(unit * bulk.pressure, constant(mesh, compliance), stiffened * constant(mesh, stiffness))
-    return moduli.shear, mixed
+    space = compat.function_space(mesh, 0, discontinuous=True)
+    shear, lame = dolfinx.fem.Function(space, name="mu"), dolfinx.fem.Function(space, name="lambda")
+    found: dict[int, tuple[Any, Volumetric]] = {}
+    for bulk in bulks:
+        solid, cells = bulk.solid, cell_tags.find(bulk.tag)
+        shear.x.array[cells] = solid.shear_modulus
+        if bulk.pressure is None:
+            lame.x.array[cells] = solid.lame_first
+            found[bulk.tag] = shear, Compressible(lame)
+            continue
+        unit = constant(mesh, solid.shear_modulus / length)
+        compliance, stiffness = 1.0 / solid.lame_first, volume_stiffness(solid.shear_modulus, solid.lame_first)
+        mixed = Mixed(unit * bulk.pressure, constant(mesh, compliance), stiffened * constant(mesh, stiffness))
+        found[bulk.tag] = shear, mixed
+    return found
 
 
 def pressures(bulks: list[Bulk], length: float) -> dict[str, Any]:

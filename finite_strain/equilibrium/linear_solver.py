@@ -8,8 +8,8 @@ stiffness, -(1/mu + 1/lambda) int p q.
 import atexit
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 import ufl
@@ -26,25 +26,14 @@ from linear_bem.counts import grouped
 from linear_bem.errors import InvalidProblem, NotConverged
 from linear_bem.memory import SHARE, free_memory
 
-
-@dataclass
-class Installed:
-    """Our options in PETSc's database (one per process), and the number of open solvers that may read them.
-
-    A solver for another form or size replaces them, but not the user's options.
-    """
-
-    options: dict[str, str] = field(default_factory=dict)
-    solvers: int = 0
-
-
-_installed = Installed()
+_ours: dict[str, str] = {}
+"""Our options in PETSc's database (one per process). A solver for another form or size replaces them."""
 
 
 def given_options() -> dict[str, str]:
     """Return the user's own options of our prefix."""
     every = PETSc.Options(PREFIX).getAll()
-    return {key: value for key, value in every.items() if _installed.options.get(key) != value}
+    return {key: value for key, value in every.items() if _ours.get(key) != value}
 
 
 def unused_options() -> list[str]:
@@ -70,10 +59,11 @@ def with_options(options: Mapping[str, str]) -> Iterator[None]:
 def install(options: Mapping[str, str]) -> None:
     """Replace our earlier options in PETSc's database; the user's own take precedence."""
     database, given = PETSc.Options(PREFIX), given_options()
-    for key in _installed.options.keys() - given.keys():
+    for key in _ours.keys() - given.keys():
         database.delValue(key)
-    _installed.options = {key: value for key, value in options.items() if key not in given}
-    for key, value in _installed.options.items():
+    _ours.clear()
+    _ours.update({key: value for key, value in options.items() if key not in given})
+    for key, value in _ours.items():
         database[key] = value
 
 
@@ -96,8 +86,7 @@ class LinearSolver:
     def __init__(self, model: Model, ksp: PETSc.KSP, choice: Choice) -> None:
         self.model, self.ksp, self.choice = model, ksp, choice
         self._owned: list[Any] = []
-        self._open = True
-        _installed.solvers += 1
+        _open_solvers.add(self)
         if choice.direct:
             return
         motions = self._rigid_motions()
@@ -113,13 +102,12 @@ class LinearSolver:
 
         Closing the last solver removes our options from the database: PETSc 3.22 reports unused options at its end.
         """
-        if not self._open:
+        if self not in _open_solvers:
             return
-        self._open = False
         for item in (self.ksp, *self._owned):
             item.destroy()
-        _installed.solvers -= 1
-        if _installed.solvers == 0:
+        _open_solvers.remove(self)
+        if not _open_solvers:
             install({})
 
     def factors(self) -> PETSc.KSP:
@@ -183,7 +171,7 @@ class LinearSolver:
         measure = ufl.Measure("dx", domain=model.mesh, subdomain_data=model.cell_tags)
         energy = nothing_where_idle(model.bulks, model.mesh, measure)
         for bulk in model.bulks:
-            shear, volumetric = model.constants(bulk)
+            shear, volumetric = model.constants[bulk.tag]
             if isinstance(volumetric, Mixed):
                 density = -(1 / shear + volumetric.compliance) / 2 * volumetric.pressure**2
                 energy += density * measure(bulk.tag, metadata={"quadrature_degree": 2 * model.order - 2})
@@ -200,6 +188,10 @@ class LinearSolver:
         compat.assemble_block_matrix(matrix, forms, model.bcs)
         matrix.assemble()
         return matrix
+
+
+_open_solvers: WeakSet[LinearSolver] = WeakSet()
+"""Solvers that may read our options."""
 
 
 def blame_options(error: PETSc.Error) -> None:

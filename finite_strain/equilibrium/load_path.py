@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from finite_strain.contact.contact_energy import Penalised
-from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.unknowns import Values
 from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.force.distortion import Distortion, distortion
 from finite_strain.geometry.estimates import STIFFENING, alone, is_stable, penalties
-from finite_strain.geometry.load_control import LoadControl
 from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
 
@@ -83,15 +81,15 @@ class LoadPath:
     """
 
     def __init__(
-        self, problem: Problem, model: Model, control: LoadControl, solver: NewtonSolver,
-        observe: Callable[[float, int], None], stiffer: float, shortest: float, longest: float,
+        self, problem: Problem, solver: NewtonSolver, observe: Callable[[float, int], None], stiffer: float,
+        shortest: float, longest: float,
     ) -> None:  # fmt: skip
-        self.problem, self.model, self.control, self.solver = problem, model, control, solver
+        self.problem, self.solver, self.model, self.control = problem, solver, solver.model, solver.control
         self._observe, self.stiffer, self._shortest, self._longest = observe, stiffer, shortest, longest
         self.history: list[State] = []
         self._borrowed = False
         """Whether states of the path began with those of another discretisation, or of an earlier run."""
-        self.source, self.ahead = model.contact.penalised, 1.0
+        self.source, self.ahead = self.model.contact.penalised, 1.0
 
     def steps(self, fractions: Sequence[float], predictor: Predictor = lambda _: None) -> Iterator[StepRecord]:
         """Yield after each converged step; all fractions are reached in turn, with smaller steps where needed.
@@ -176,8 +174,7 @@ class LoadPath:
                 self._multiply(self.source, record)
         doublings = DOUBLINGS + round(math.log2(self.stiffer))
         if not record.augmented:
-            self.model.fields.restore(self.last.values)  # Newton's method may have ended elsewhere
-            self.model.contact.set_approaches(np.array(self.last.approaches))
+            self._set(self.last.values, self.last.approaches)  # Newton's method may have ended elsewhere
             with suppress(NotConverged):
                 self._multiply(self.source, record, gradually=True)
                 self.stiffen(record, 2.0, doublings)
@@ -216,8 +213,11 @@ class LoadPath:
     def _return_to(self, kept: tuple[Values, np.ndarray, float, float], record: StepRecord, stiffened: float) -> None:
         values, approaches, record.residual, self.solver.tolerance = kept
         self.model.contact.stiffen(1.0 / stiffened)
+        self._set(values, approaches)
+
+    def _set(self, values: Values, approaches: Sequence[float] | np.ndarray) -> None:
         self.model.fields.restore(values)
-        self.model.contact.set_approaches(approaches)
+        self.model.contact.set_approaches(np.array(approaches))
 
     def _solve(self, fraction: float, start: State | None, record: StepRecord) -> None:
         contact = self.model.contact
@@ -227,9 +227,8 @@ class LoadPath:
             self.model.fields.clear()
             contact.set_approaches(prescribed)
         else:
-            self.model.fields.restore(start.values)
             free = self.control.moves.any(axis=1)
-            contact.set_approaches(np.where(free, start.approaches, prescribed))
+            self._set(start.values, np.where(free, start.approaches, prescribed))
         if start is not None and start.source is not None:
             self._multiply(start.source, record)
         else:
@@ -246,13 +245,11 @@ class LoadPath:
         model, contact = self.model, self.model.contact
         start, approaches = model.fields.copy(), contact.approaches
         contact.augment(source, 1.0 if gradually else self.stiffer * self.ahead * STIFFENING)
-        model.fields.restore((source.displacement, *start[1:]))
-        contact.set_approaches(source.approaches)
+        self._set((source.displacement, *start[1:]), source.approaches)
         before = model.forces()[:, 2]
         if source is self.source and not gradually:  # it starts there, with 1 + STIFFENING times the contact pressure
             self.solver.prepare()
-        model.fields.restore(start)
-        contact.set_approaches(approaches)
+        self._set(start, approaches)
         for _ in range(PARTS - 1 if gradually else 0):
             contact.close_gaps(1.0 / PARTS)
             self._newton(record, ROUGH)
@@ -278,7 +275,7 @@ class LoadPath:
         record.tangents += done.tangents
         record.residual = done.residual
         # the residual alone does not detect elements that are turned inside out
-        turned = self.model.is_finite and self.distorted().volume_ratio <= 0.0
+        turned = self.model.is_finite and self.distorted().smallest_volume_ratio <= 0.0
         if turned or not math.isfinite(self.model.energy()):
             raise NotConverged("the equilibrium found has elements turned inside out")
         if not np.max(self.model.forces()[:, 2]) > 0.0:
@@ -295,16 +292,14 @@ class LoadPath:
         ratio = (fraction - last.fraction) / (last.fraction - before.fraction)
         values = tuple(new + ratio * (new - old) for new, old in zip(last.values, before.values, strict=True))
         ahead = np.array(last.approaches) + ratio * (np.array(last.approaches) - np.array(before.approaches))
-        self.model.fields.restore(values)
-        self.model.contact.set_approaches(ahead)
+        self._set(values, ahead)
         return State(fraction, values, tuple(ahead)) if math.isfinite(self.model.energy()) else last
 
     def _restore(self) -> None:
         self.model.contact.forget_multipliers()
         self.model.fields.clear()
         if self.history:
-            self.model.fields.restore(self.history[-1].values)
-            self.model.contact.set_approaches(np.array(self.history[-1].approaches))
+            self._set(self.last.values, self.last.approaches)
             self._set_penalties()
 
 

@@ -25,7 +25,7 @@ class Extremes:
         nodes = lattice_of(dofs.shape[1]).points
         self._values = compat.compile_expression(model.contact.penetration(), nodes, model.comm)
         self._pressure = MeanPressure(model, model.linear_space)
-        points = model.linear_space.tabulate_dof_coordinates()[: model.linear_space.dofmap.index_map.size_local]
+        points = model.linear_space.tabulate_dof_coordinates()
         axes = np.array([ball.position for ball in model.contact.balls])
         self._nearest = np.linalg.norm(points[:, None, :2] - axes[None], axis=-1).argmin(axis=1)
 

@@ -19,8 +19,6 @@ doi 10.1063/1.3211917: at a compressive strain of 0.35; neo-Hookean and incompre
 SQUEEZED, OF_FILM = 0.1, 0.5
 """Volume ratio below which a state is not resolved, absolute and over the remaining share of the layer's thickness
 under a ball: foam (nu = 0) in a film has about that share, and above 0.3 in contacts 1.2 R deep on thick layers."""
-Place = tuple[float, float]
-"""Undeformed distance from the nearest ball's axis, and depth below the surface [m]."""
 
 
 def is_resolved(volume_ratio: float, film: float) -> bool:
@@ -30,31 +28,32 @@ def is_resolved(volume_ratio: float, film: float) -> bool:
 
 @dataclass(frozen=True)
 class Distortion:
-    """Smallest values at the nodes, and their places: det F, stretch along the top, and area of the top from above.
+    """Smallest values at the nodes: det F, stretch along the top, and area of the top from above; and their places.
 
-    ``seen_area``: the top's area seen from above over its undeformed area, det of the in-plane part of F; if it is
-    positive everywhere, the surface does not overhang. ``crossing`` [m]: how far the top passes through planes of
-    symmetry; if it is positive, the flanks between mirrored bodies meet.
+    The area is seen from above, over the undeformed area: det of the in-plane part of F; if it is positive everywhere,
+    the surface does not overhang. ``surface_crossing`` [m]: how far the top passes through planes of symmetry; if it is
+    positive, the flanks between mirrored bodies meet. ``distorted_at``: undeformed distance from the nearest ball's
+    axis, and depth below the surface [m], of the smallest "volume_ratio", "surface_stretch" and "seen_area".
     """
 
-    volume_ratio: float
-    at: Place
-    surface_stretch: float
-    surface_at: Place
-    seen_area: float
-    seen_at: Place
-    crossing: float
+    smallest_volume_ratio: float
+    smallest_surface_stretch: float
+    smallest_seen_area: float
+    surface_crossing: float
+    distorted_at: dict[str, list[float]]
 
     def describe(self) -> str:
         """Return the values in words, with their meaning for the solid."""
-        volume = f"smallest volume ratio J = {self.volume_ratio:.2g}, {_place(self.at)}"
-        surface = f"smallest stretch of the surface {self.surface_stretch:.2g}, {_place(self.surface_at)}"
-        if self.surface_stretch < CREASE:
+        places = {name: _place(*at) for name, at in self.distorted_at.items()}
+        volume = f"smallest volume ratio J = {self.smallest_volume_ratio:.2g}, {places['volume_ratio']}"
+        stretch = self.smallest_surface_stretch
+        surface = f"smallest stretch of the surface {stretch:.2g}, {places['surface_stretch']}"
+        if stretch < CREASE:
             surface += f", below {CREASE:g}, where a free surface folds into a crease"
-        if self.seen_area <= 0.0:
-            surface += f"; it overhangs, {_place(self.seen_at)}"
-        if self.crossing > 0.0:
-            surface += f"; it passes through a plane of symmetry by {self.crossing:.2g} m"
+        if self.smallest_seen_area <= 0.0:
+            surface += f"; it overhangs, {places['seen_area']}"
+        if self.surface_crossing > 0.0:
+            surface += f"; it passes through a plane of symmetry by {self.surface_crossing:.2g} m"
         return f"{volume}; {surface}"
 
 
@@ -78,23 +77,22 @@ def distortion(
     on_top = points[..., 2] > top - 1e-9 * deep
     stretch, seen = np.sqrt(np.maximum(squared, 0.0)), np.linalg.det(F[..., :2, :2])
     values = np.linalg.det(F), np.where(on_top, stretch, np.inf), np.where(on_top, seen, np.inf)
-    least: list[tuple[float, Place]] = []
+    least: list[tuple[float, list[float]]] = []
     for value in values:
         number = int(value.argmin()) if value.size else 0
         x, y, z = points.reshape(-1, 3)[number] if value.size else (0.0, 0.0, 0.0)
         away = min(float(np.hypot(x - a[0], y - a[1])) for a in axes)
-        place = tuple(length if length > 1e-9 * deep else 0.0 for length in (away, float(top - z)))
+        place = [length if length > 1e-9 * deep else 0.0 for length in (away, float(top - z))]
         least.append(min(comm.allgather((float(value.min(initial=np.inf)), place))))
     moved = (points + nodal[cells.dofs])[on_top][:, :2]
     beyond = np.stack([low[:2] - moved, moved - high[:2]], axis=-1)
     outside = beyond.max(initial=0.0, where=np.broadcast_to(mirrors, beyond.shape))
     crossing = comm.allreduce(float(outside), op=MPI.MAX)
-    (volume, at), (shortest, surface_at), (least_seen, seen_at) = least
-    crossing = crossing if crossing > 1e-9 * deep else 0.0
-    return Distortion(volume, at, shortest, surface_at, least_seen, seen_at, crossing)
+    (volume, shortest, least_seen), places = zip(*least, strict=True)
+    at = dict(zip(("volume_ratio", "surface_stretch", "seen_area"), places, strict=True))
+    return Distortion(volume, shortest, least_seen, crossing if crossing > 1e-9 * deep else 0.0, at)
 
 
-def _place(place: Place) -> str:
-    away, depth = place
+def _place(away: float, depth: float) -> str:
     below = f" and {depth:.2g} m below the surface" if depth > 0.0 else ""
     return f"{away:.2g} m from a ball's axis{below}"

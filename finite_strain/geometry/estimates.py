@@ -14,13 +14,13 @@ from scipy.optimize import brentq
 from linear_bem.closed_forms import Indentation, indentation_of_layer
 from linear_bem.dual import height_faults
 from linear_bem.errors import InvalidProblem, UnsupportedProblem
-from linear_bem.indenter import HeightFunction, Indenter, Paraboloid, Sphere
-from linear_bem.problem import Ball, Problem
+from linear_bem.indenter import HeightFunction, Indenter
+from linear_bem.problem import NAMED_SHAPES, Ball, Problem
 
 if TYPE_CHECKING:
     from finite_strain.geometry.symmetry import ModelBall
 
-NAMED = {"sphere": Sphere(1.0), "paraboloid": Paraboloid(1.0)}
+NAMED = {name: shape(1.0) for name, shape in NAMED_SHAPES.items()}
 """Indenters of unit radius, to be scaled by the ball's radius."""
 LEAST_SHARE = 0.1
 """Fraction of the deepest approach below which a ball's own approach no longer sets mesh size and penalty."""
@@ -112,10 +112,7 @@ def gap_from(ball: Ball, x: np.ndarray, y: np.ndarray, z: float) -> np.ndarray:
 
 
 def penalties(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarray) -> np.ndarray:
-    """Return the penalty (balls,) [Pa/m] at approaches (balls,) [m]: the expected mean pressure over the penetration.
-
-    A ball with an approach below `LEAST_SHARE` of the deepest has the penalty of that share.
-    """
+    """Return the penalty (balls,) [Pa/m] at approaches (balls,) [m]: expected mean pressure over mean penetration."""
     depths = np.maximum(approaches, LEAST_SHARE * np.max(approaches))
     return _mean_pressures(problem, balls, depths) / (PENETRATION * depths)
 
@@ -128,9 +125,8 @@ def is_stable(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarr
     mu q (w^2 + u^2) + k w^2 / 2 - p q u w. It is positive if p < 2 mu; else it is negative at wavenumbers above
     2 mu k / (p^2 - 4 mu^2), which the elements under a deep indenter resolve. A pressure has no such term.
     """
-    stiffness = problem.layer.young / (1.0 + problem.layer.poisson)
     pressed = np.maximum(approaches, LEAST_SHARE * np.max(approaches))
-    return bool(PEAK * np.max(_mean_pressures(problem, balls, pressed)) < stiffness)
+    return bool(PEAK * np.max(_mean_pressures(problem, balls, pressed)) < 2.0 * problem.layer.shear_modulus)
 
 
 def _mean_pressures(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarray) -> np.ndarray:

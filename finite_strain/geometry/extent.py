@@ -1,8 +1,7 @@
 """Extent of the model: to the sides and into the substrate, chosen from the decay of the linear response.
 
-Sides that slide in their plane act as mirrors of the balls, and the bottom of the meshed substrate is fixed. The
-small-strain problem on the same mesh corrects the first-order effect (`finite_strain.accuracy.pairs`), so the extent
-only has to make this effect small.
+Sides that slide in their plane act as mirrors of the balls, and the bottom of the meshed substrate is fixed;
+`finite_strain.accuracy.pairs` corrects the first-order effect.
 """
 
 import math
@@ -51,10 +50,10 @@ def choose_extent(problem: Problem, expected: Sequence[Indentation], accuracy: f
     """
     forces = np.array([state.normal_force for state in expected])
     thickness, nearest = problem.layer.thickness, float(_distances(problem).min())
-    nearest = nearest if nearest < math.inf else 0.0
     largest = max(ball.radius for ball in problem.balls)
     kernel, load = LayeredKernel.of(problem), float(forces.sum())
     scale = scale_of_force(problem, forces)
+    nearest = nearest if nearest < math.inf else 0.0
     if nearest > 0.0:
         slope = abs(float(kernel.slope(np.array([nearest]))[0]))
         scale = max(scale, float(np.sort(forces)[-2:].prod()) * slope)
@@ -62,9 +61,8 @@ def choose_extent(problem: Problem, expected: Sequence[Indentation], accuracy: f
     deepest, widest = (max(getattr(state, name) for state in expected) for name in ("approach", "contact_radius"))
 
     def acts(pull: float, shift: float) -> bool:
-        return float(forces.max()) * load * pull > ALLOWED * accuracy * scale > 0.0 or (
-            given and load * shift > SHIFT * deepest
-        )
+        moves_balls = given and load * shift > SHIFT * deepest
+        return moves_balls or float(forces.max()) * load * pull > ALLOWED * accuracy * scale > 0.0
 
     depth = 0.0
     if problem.substrate is not None:
@@ -79,9 +77,8 @@ def choose_extent(problem: Problem, expected: Sequence[Indentation], accuracy: f
     for _ in range(_STEPS):
         # K' changes sign with distance: a single small effect may be accidental
         away = 2.0 * margin * np.array([1.0, _GROWTH])
-        if not acts(
-            4.0 * float(np.abs(kernel.slope(away)).max()), 4.0 * float(np.abs(kernel.displacement(away)).max())
-        ):
+        pull, shift = (4.0 * float(np.abs(values(away)).max()) for values in (kernel.slope, kernel.displacement))
+        if not acts(pull, shift):
             break
         margin *= _GROWTH
     return Extent(margin, depth)
@@ -89,7 +86,6 @@ def choose_extent(problem: Problem, expected: Sequence[Indentation], accuracy: f
 
 def _distances(problem: Problem) -> np.ndarray:
     """Return the balls' distances from each other (balls, balls) [m], infinite on the diagonal."""
-    positions = np.array([ball.position for ball in problem.balls])
-    answer = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
+    answer = np.linalg.norm(problem.positions[:, None] - problem.positions, axis=-1)
     np.fill_diagonal(answer, np.inf)
     return np.asarray(answer)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
@@ -46,7 +45,7 @@ class LoadControl:
 
 
 @dataclass(frozen=True)
-class PrescribedLoad(ABC):
+class PrescribedLoad:
     """A problem's load: all values grow in proportion, as a ``power`` of the approach (Hertz's for forces)."""
 
     problem: Problem
@@ -85,17 +84,9 @@ class PrescribedLoad(ABC):
         """Return the load fractions with output of a comparison along the load: equal steps of the approach."""
         return tuple((n / ANSWERS) ** self.power for n in range(1, ANSWERS + 1))
 
-    def faults(self, model: str) -> list[str]:
-        """Return a message per property of the load that the model does not support."""
-        return []
-
     def ended_by(self, fraction: float, approaches: Sequence[float], balls: Sequence[ModelBall]) -> str:
         """Return why a path ends after a load fraction with approaches (balls,) [m]; empty if unknown."""
         return ""
-
-    @abstractmethod
-    def on(self, reduction: Reduction) -> LoadControl:
-        """Return the load on the reduced model."""
 
 
 class PrescribedApproach(PrescribedLoad):
@@ -105,12 +96,9 @@ class PrescribedApproach(PrescribedLoad):
 
     def faults(self, model: str) -> list[str]:
         """Reject approaches that are too large for the layer."""
-        thickness, deepest = self.problem.layer.thickness, max(self.values)
-        limit = (
-            f"takes approaches below {LARGEST_APPROACH:g} of the layer's thickness, {LARGEST_APPROACH * thickness:g} m"
-        )
-        too_deep = deepest >= LARGEST_APPROACH * thickness
-        faults = [f"load.approach: {model} {limit}, got {deepest:g} m"] if too_deep else []
+        most, deepest = LARGEST_APPROACH * self.problem.layer.thickness, max(self.values)
+        limit = f"takes approaches below {LARGEST_APPROACH:g} of the layer's thickness, {most:g} m"
+        faults = [f"load.approach: {model} {limit}, got {deepest:g} m"] if deepest >= most else []
         return faults + (self._overlaps(model) if self.problem.finite_strain is not None else [])
 
     def _overlaps(self, model: str) -> list[str]:
@@ -140,6 +128,11 @@ class PrescribedApproach(PrescribedLoad):
 class PrescribedForce(PrescribedLoad):
     """One force [N] per ball: one unknown per ball."""
 
+    @staticmethod
+    def moves(balls: int) -> np.ndarray:
+        """Return how the unknowns move the balls (balls, unknowns)."""
+        return np.eye(balls)
+
     def single(self, ball: Ball | ModelBall, value: float) -> Indentation:
         """Return the expected state under a force [N], of which the layer gives at most `LARGEST_APPROACH`."""
         state = alone(self.problem, ball, normal_force=value)
@@ -168,39 +161,37 @@ class PrescribedForce(PrescribedLoad):
         return (
             f"load.{kind}: finite elements take forces whose approach{base} stays below about {LARGEST_APPROACH:g} of "
             f"the layer's thickness ({h:g} m), got {full:g} N, of which {100.0 * fraction:.2g} % already give "
-            f"{given:.3g} m; "
-            f"check the units of {kind} and of the layer's young, or reduce the {kind.replace('_', ' ')}"
+            f"{given:.3g} m; check the units of {kind} and of the layer's young, or reduce the {kind.replace('_', ' ')}"
         )
 
     def on(self, reduction: Reduction) -> LoadControl:
-        """Return a control with the force on the simulated part of each ball as its target."""
-        balls = reduction.balls
+        """Return a control with the force on the simulated part of all balls that an unknown moves as its target.
+
+        Expected are the approaches of single balls, or their mean if one unknown moves all.
+        """
+        balls, moves = reduction.balls, self.moves(len(reduction.balls))
         whole = np.array([self.values[ball.index] for ball in balls])
 
         def approaches(fraction: float) -> np.ndarray:
             pairs = zip(balls, whole, strict=True)
-            return np.array([self.single(ball, fraction * force).approach for ball, force in pairs])
+            single = np.array([self.single(ball, fraction * force).approach for ball, force in pairs])
+            return np.asarray(moves @ (single @ moves / moves.sum(axis=0)))
 
-        return LoadControl(np.eye(len(whole)), whole / np.array([ball.copies for ball in balls]), approaches)
+        return LoadControl(moves, (whole / np.array([ball.copies for ball in balls])) @ moves, approaches)
 
 
 class TotalForce(PrescribedForce):
     """One force [N] on all balls, which share one approach: one unknown moves them all."""
 
+    @staticmethod
+    def moves(balls: int) -> np.ndarray:
+        """Return ones (balls, 1)."""
+        return np.ones((balls, 1))
+
     @property
     def values(self) -> tuple[float, ...]:
         """Equal shares (balls,) [N]."""
         return (self.problem.load.values[0] / self.problem.size,) * self.problem.size
-
-    def on(self, reduction: Reduction) -> LoadControl:
-        """Return a control whose expected approach is the mean of those under equal shares."""
-        each = super().on(reduction)
-        full = np.array([self.problem.load.values[0] / 2 ** len(reduction.planes)])
-
-        def approaches(fraction: float) -> np.ndarray:
-            return np.full(len(reduction.balls), each.approaches(fraction).mean())
-
-        return LoadControl(np.ones((len(reduction.balls), 1)), full, approaches)
 
 
 KINDS: dict[str, type[PrescribedApproach | PrescribedForce]] = {
@@ -210,6 +201,6 @@ KINDS: dict[str, type[PrescribedApproach | PrescribedForce]] = {
 }
 
 
-def prescribed(problem: Problem) -> PrescribedLoad:
+def prescribed(problem: Problem) -> PrescribedApproach | PrescribedForce:
     """Return the load of a problem."""
     return KINDS[problem.load.kind](problem)

@@ -105,13 +105,12 @@ def reduce_scene(problem: Problem, planes: tuple[int, ...] | None = None) -> Red
 
     With ``planes``, the frame is the scene's own, cut at those of the ``planes`` that are mirror planes.
     """
-    values = prescribed(problem).values
-    positions = np.array([ball.position for ball in problem.balls])
+    values, positions = prescribed(problem).values, problem.positions
     if planes is not None:
         there = tuple(axis for axis in planes if _is_mirror(problem, values, positions, axis, 0.0))
         return _cut(problem, 0.0, np.zeros(2), there, positions)
     angles = [0.0]
-    for a, b in combinations(positions[: min(len(positions), 12)], 2):
+    for a, b in combinations(positions[:12], 2):
         angles.append(math.remainder(math.atan2(b[1] - a[1], b[0] - a[0]), math.pi / 2))
 
     def framed(angle: float) -> tuple[float, float, np.ndarray, tuple[int, ...], np.ndarray]:

@@ -1,8 +1,6 @@
-"""Finite or small strain from displacement; both give a strain energy and a stress.
+"""Finite or small strain: the strain energy per reference volume of a displacement gradient du_i/dX_J.
 
-A kinematics turns a displacement into the strain-energy density per reference volume. Its first
-Piola-Kirchhoff stress (at small strain: the stress) is the energy's derivative by the displacement
-gradient du_i/dX_J, never written out by hand.
+Its derivative by the gradient is the first Piola-Kirchhoff stress (at small strain: the stress).
 """
 
 from dataclasses import dataclass, field

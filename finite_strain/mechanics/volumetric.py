@@ -11,7 +11,6 @@ the volume in between make the tangent indefinite, although the solid is stable 
 Reali 2010, doi 10.1016/j.cma.2008.06.004]. Under contact pressures above 2 mu, b/2 (j - p / lambda)^2 is therefore
 added, which vanishes in the solution (`finite_strain.geometry.estimates.is_stable`; below, it would cost accuracy and,
 in multigrid, iterations: 35 in place of 22 at 19 thousand unknowns).
-No DOLFINx here.
 """
 
 from dataclasses import dataclass
@@ -76,18 +75,20 @@ def volume_stiffness(shear: float, lame: float) -> float:
 Volumetric = Compressible | Mixed
 
 
-def is_mixed(problem: Problem, region: str) -> bool:
-    """Return whether a region ("layer" or "substrate") gets the mixed form.
+def describe_forms(problem: Problem) -> dict[str, str]:
+    """Return the form of each region, "layer" and "substrate", by its name: "displacement" or "mixed".
 
     A form named in the scene applies to the layer. The form of the substrate, and of the layer if none is named,
     follows from Poisson's ratio.
     """
-    solid = problem.layer if region == "layer" else problem.substrate
-    asked = problem.elements.form if problem.elements is not None and region == "layer" else None
-    if asked is not None:
-        return asked == "mixed"
-    takes_pressure = region == "substrate" or _without_pressure(problem) == ""
-    return solid is not None and solid.poisson >= LEAST_MIXED_POISSON and takes_pressure
+    regions = {"layer": problem.layer, "substrate": problem.substrate}
+    solids = {name: solid for name, solid in regions.items() if solid is not None}
+    forms = {name: "mixed" if s.poisson >= LEAST_MIXED_POISSON else "displacement" for name, s in solids.items()}
+    if problem.elements is not None:
+        forms["layer"] = problem.elements.form
+    elif _without_pressure(problem):
+        forms["layer"] = "displacement"
+    return forms
 
 
 def _without_pressure(problem: Problem) -> str:
@@ -133,9 +134,3 @@ def form_notes(problem: Problem) -> list[str]:
             why = f"as its Poisson's ratio {getattr(problem, name).poisson:g} is {LEAST_MIXED_POISSON:g} or more"
             notes.append(f"{name}: mixed (displacement and pressure) form of the elements, {why}")
     return notes
-
-
-def describe_forms(problem: Problem) -> dict[str, str]:
-    """Return the form of each region by its name."""
-    names = ["layer"] if problem.substrate is None else ["layer", "substrate"]
-    return {name: "mixed" if is_mixed(problem, name) else "displacement" for name in names}

@@ -3,9 +3,8 @@
 Each element of order p is written as p^3 linear cells between its own nodes, which every reader supports; the
 nodal displacements are those of the solution. Points, vectors and tensors are in the scene's frame; the part beyond
 the mirror planes is not written (attributes name the planes: ParaView's Reflect filter and `thirdbody render`
-complete the scene).
-Each step has its own files, closed when the step ends, so that all finished steps of a killed run are readable.
-If DOLFINx was built with ADIOS2, each step also has a VTX folder.
+complete the scene). All finished steps of a killed run are readable. If DOLFINx was built with ADIOS2, each step also
+has a VTX folder.
 """
 
 import shutil
@@ -54,9 +53,15 @@ class FieldWriter:
 
     def forget_after(self, number: int) -> None:
         """Remove the steps beyond ``number`` that an earlier, different run left in the folder (collective)."""
-        last = stem(number)
-        beyond = (path for path in self.folder.glob("step_*.*") if path.stem > last)
-        on_root(self.model.comm, lambda: list(map(_remove, beyond)))
+
+        def remove() -> None:
+            for path in [path for path in self.folder.glob("step_*.*") if path.stem > stem(number)]:
+                if path.is_dir():  # of VTX
+                    shutil.rmtree(path)
+                else:
+                    path.unlink()
+
+        on_root(self.model.comm, remove)
 
     def write(self, number: int, fraction: float) -> None:
         """Write step ``number`` (1, 2, ...) if it is requested, and rewrite the index."""
@@ -155,13 +160,6 @@ class FieldWriter:
             mirror_planes=reduction.scene_vectors(reduction.mirrors),
             mirror_planes_meaning="normals of the planes through frame_origin beyond which the scene mirrors itself",
         )
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir():  # of VTX
-        shutil.rmtree(path)
-    else:
-        path.unlink()
 
 
 def _strains(gradient: np.ndarray, finite: bool) -> tuple[np.ndarray, np.ndarray]:

@@ -2,6 +2,7 @@
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import accumulate
 from statistics import NormalDist
@@ -53,12 +54,8 @@ def chances(plan: RunPlan) -> tuple[tuple[Discretisation, float], ...]:
         level = following
 
 
-def likely(plan: RunPlan) -> tuple[Discretisation, ...]:
-    """Return the discretisations of a run whose `FIRST` reaches `first_error`, the median."""
-    return _until_even(chances(plan))
-
-
-def _until_even(rows: tuple[tuple[Discretisation, float], ...]) -> tuple[Discretisation, ...]:
+def likely(rows: Sequence[tuple[Discretisation, float]]) -> tuple[Discretisation, ...]:
+    """Return the discretisations of a run whose `FIRST` reaches `first_error`, the median, from its `chances`."""
     reached = accumulate(chance for _, chance in rows)
     last = next(number for number, share in enumerate(reached) if share >= 0.5)
     return tuple(level for level, _ in rows[: last + 1])
@@ -85,7 +82,7 @@ def forecast(plan: RunPlan, ranks: int = RANKS) -> dict[str, Any]:
         return Mesh(unknowns, level.order, layers, len(steps), pairs, direct, mixed, stretches, free, plan.deepest)
 
     rows = chances(plan)
-    meshes, taken = [mesh(plan.unknowns(level), level) for level, _ in rows], _until_even(rows)
+    meshes, taken = [mesh(plan.unknowns(level), level) for level, _ in rows], likely(rows)
     others = {n: chance for n, (_, chance) in enumerate(rows, start=1) if n != len(taken) and chance >= LEAST}
     seconds = [each.seconds for each in meshes]
     seconds[0] += START_SECONDS

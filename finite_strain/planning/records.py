@@ -84,10 +84,8 @@ class SolverAccount:
 
     Counts are sums over the load steps since the last answer, ``cuts`` is their largest number of cut-backs.
     ``residual`` [N] is Newton's last, ``tolerance`` its bound, ``residuals`` those of its last solve; ``force_balance``
-    is the relative difference of forces on balls and base; ``distorted_at`` holds the places (distance from the nearest
-    axis, depth) [m] of the smallest volume ratio, surface stretch and area seen from above over undeformed area,
-    ``surface_crossing`` [m] is how far the surface passes through planes of symmetry (see
-    `finite_strain.force.distortion`); ``strain_energy`` [J] is that of the whole scene.
+    is the relative difference of forces on balls and base; for the smallest values, ``surface_crossing`` and
+    ``distorted_at`` see `finite_strain.force.distortion`; ``strain_energy`` [J] is that of the whole scene.
     """
 
     fraction: float

@@ -61,10 +61,7 @@ class GivenMesh:
 
 @dataclass(frozen=True)
 class RunPlan:
-    """The parts of a run: ``goals`` are the load fractions with output.
-
-    ``loads`` are the fractions at which discretisations are compared: the goals, and more if the goals are few.
-    """
+    """The parts of a run; ``goals`` are the load fractions with output."""
 
     problem: Problem
     reduction: Reduction
@@ -110,7 +107,7 @@ class RunPlan:
 
     @property
     def loads(self) -> tuple[float, ...]:
-        """The load fractions at which every discretisation has results, rising."""
+        """The rising load fractions at which discretisations are compared: the goals, and more if these are few."""
         last = self.goals[-1]
         is_known = not (self.is_hyperelastic or self.has_free_sides)  # by linear_bem
         if is_known or sum(goal >= self.nearby * last for goal in self.goals) >= ENOUGH:
@@ -132,9 +129,8 @@ class RunPlan:
         """Return the box that a discretisation meshes, with a block under each ball of the reduced scene."""
         problem, reduction = self.problem, self.reduction
         margin, depth = level.extent * self.extent.margin, level.extent * self.extent.depth
-        sides = []
-        for axis in (0, 1):
-            coordinates = [ball.position[axis] for ball in reduction.balls]
+        positions, sides = [ball.position for ball in reduction.balls], []
+        for axis, coordinates in enumerate(zip(*positions, strict=True)):
             low = 0.0 if axis in reduction.planes else min(coordinates) - margin
             sides.append((low, max(coordinates) + margin))
         if self.given is not None:
@@ -145,7 +141,6 @@ class RunPlan:
             hardly = alone(problem, ball, approach=LEAST_SHARE * self.deepest * ball.radius)
             radius = max(self.expected[ball.index].contact_radius, hardly.contact_radius)
             radii.append(radius if edge is None else edge[0])
-        positions = [ball.position for ball in reduction.balls]
         widths = half_widths(positions, radii, sides[0], sides[1], reduction.planes)
         if self.given is not None:  # no corner of a block, outside which T is integrated, reaches a free side
             widths = [min(m, SQUARE * room) for m, room in zip(widths, self.given.room, strict=True)]

@@ -67,8 +67,7 @@ def prepare(model: Model, approach: float, *, augmented: bool, turning: bool = F
 
 def shift_balls(contact: Contact, axis: int, length: float) -> None:
     """Set the balls' positions to the initial ones plus ``length`` [m] along an axis."""
-    for slot in contact.slots:
-        slot.set("xy"[axis], np.array([ball.position[axis] for ball in contact.balls]) + length)
+    contact.set("xy"[axis], np.array([ball.position[axis] for ball in contact.balls]) + length)
 
 
 def residual_at(model: Model, u: np.ndarray) -> np.ndarray:

@@ -24,30 +24,32 @@ def test_the_smallest_values_of_a_quadratic_displacement_are_found_at_their_corn
     x, y, z = space.tabulate_dof_coordinates().T
     axes = [(1.0, 2.0), (9.0, 9.0)]
     still = distortion(space, np.zeros((len(x), 3)), axes)
-    assert (still.volume_ratio, still.surface_stretch, still.seen_area) == pytest.approx((1.0, 1.0, 1.0), abs=ROUNDOFF)
+    least = still.smallest_volume_ratio, still.smallest_surface_stretch, still.smallest_seen_area
+    assert least == pytest.approx((1.0, 1.0, 1.0), abs=ROUNDOFF)
     bent = distortion(space, np.column_stack([-0.3 * x**2 + 0.2 * z, 0.05 * y**2, -0.1 * z + 0.3 * y]), axes)
     # det = (1 - 0.6 x)(1 + 0.1 y)(1 - 0.1) with the rows and columns of y and z triangular: least at x = 1, y = 0
-    assert bent.volume_ratio == pytest.approx(0.4 * 0.9, abs=ROUNDOFF)
-    assert bent.at[0] == pytest.approx(2.0, abs=ROUNDOFF)
-    assert (bent.surface_stretch, bent.surface_at[1]) == pytest.approx((0.4, 0.0), abs=ROUNDOFF)
-    assert (bent.seen_area, bent.seen_at[1]) == pytest.approx((0.4, 0.0), abs=ROUNDOFF)
+    assert bent.smallest_volume_ratio == pytest.approx(0.4 * 0.9, abs=ROUNDOFF)
+    assert bent.distorted_at["volume_ratio"][0] == pytest.approx(2.0, abs=ROUNDOFF)
+    places = bent.distorted_at
+    assert (bent.smallest_surface_stretch, places["surface_stretch"][1]) == pytest.approx((0.4, 0.0), abs=ROUNDOFF)
+    assert (bent.smallest_seen_area, places["seen_area"][1]) == pytest.approx((0.4, 0.0), abs=ROUNDOFF)
     assert "folds into a crease" in bent.describe()
     assert "overhangs" not in bent.describe()
     below = distortion(space, np.column_stack([-0.3 * x**2 * (1.5 - z), 0.0 * y, 0.0 * z]), axes)
-    assert below.volume_ratio == pytest.approx(0.1, abs=ROUNDOFF)  # at the bottom; the top is as it was
-    assert below.at[1] == pytest.approx(1.5, abs=ROUNDOFF)
-    assert below.surface_stretch > 0.7
+    assert below.smallest_volume_ratio == pytest.approx(0.1, abs=ROUNDOFF)  # at the bottom; the top is as it was
+    assert below.distorted_at["volume_ratio"][1] == pytest.approx(1.5, abs=ROUNDOFF)
+    assert below.smallest_surface_stretch > 0.7
     folded = distortion(space, np.column_stack([-0.6 * x**2, np.zeros_like(y), np.zeros_like(z)]), axes)
-    assert folded.volume_ratio == pytest.approx(-0.2, abs=ROUNDOFF)
-    assert folded.seen_area == pytest.approx(-0.2, abs=ROUNDOFF)
+    assert folded.smallest_volume_ratio == pytest.approx(-0.2, abs=ROUNDOFF)
+    assert folded.smallest_seen_area == pytest.approx(-0.2, abs=ROUNDOFF)
     assert "it overhangs" in folded.describe()
-    assert folded.crossing == 0.0
+    assert folded.surface_crossing == 0.0
     leaning = distortion(space, np.column_stack([-0.1 * z, np.zeros_like(y), np.zeros_like(z)]), axes)
-    assert leaning.crossing == pytest.approx(0.15, abs=ROUNDOFF)
+    assert leaning.surface_crossing == pytest.approx(0.15, abs=ROUNDOFF)
     assert "passes through a plane of symmetry by 0.15 m" in leaning.describe()
     for free in range(4):  # a free side moves as it likes; the top leaves the low side of x
         mirrors = np.arange(4).reshape(2, 2) != free
         leaning = distortion(space, np.column_stack([-0.1 * z, np.zeros_like(y), np.zeros_like(z)]), axes, mirrors)
-        assert leaning.crossing == pytest.approx(0.15 * (free != 0), abs=ROUNDOFF)
+        assert leaning.surface_crossing == pytest.approx(0.15 * (free != 0), abs=ROUNDOFF)
     wave = distortion(space, np.column_stack([np.zeros_like(x), np.zeros_like(y), 40.0 * x**2]), axes)
-    assert wave.seen_area == pytest.approx(1.0, abs=ROUNDOFF)  # steep, yet a graph
+    assert wave.smallest_seen_area == pytest.approx(1.0, abs=ROUNDOFF)  # steep, yet a graph

@@ -81,9 +81,8 @@ def place(rig: Rig, number: int, axis: int, length: float) -> None:
     """Set the balls' positions to the initial ones, and move one of them by ``length`` [m] along an axis."""
     positions = np.array([ball.position for ball in rig.model.contact.balls])
     positions[number, axis] += length
-    for slot in rig.model.contact.slots:
-        slot.set("x", positions[:, 0])
-        slot.set("y", positions[:, 1])
+    rig.model.contact.set("x", positions[:, 0])
+    rig.model.contact.set("y", positions[:, 1])
 
 
 def carry(rig: Rig, number: int, axis: int, length: float) -> None:

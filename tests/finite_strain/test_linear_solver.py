@@ -293,12 +293,12 @@ def test_closing_the_last_solver_removes_its_options(tmp_path: Path, options: Ca
     rig = rig_of(pair(0.05, poisson=0.3), tmp_path, "one")
     assert "pc_type" in PETSc.Options("thirdbody_").getAll()
     rig.solver.linear.factors().destroy()
-    others = linear_solver._installed.solvers - 1  # those of other tests
-    linear_solver._installed.solvers = 1
+    others = [solver for solver in linear_solver._open_solvers if solver is not rig.solver.linear]  # of other tests
+    linear_solver._open_solvers.difference_update(others)
     rig.solver.close()
     rig.solver.linear.close()  # a second time does nothing
-    assert linear_solver._installed.solvers == 0
-    linear_solver._installed.solvers = others
+    assert not linear_solver._open_solvers
+    linear_solver._open_solvers.update(others)
     assert PETSc.Options("thirdbody_").getAll() == {"ksp_rtol": "1e-7"}  # the user's own stays
 
 

@@ -158,7 +158,7 @@ def test_chances_of_numbers_of_meshes_are_those_of_the_scatter() -> None:
     assert chances(finer)[1][1] == pytest.approx(0.1587, abs=1e-4)
     few = replace(finer, budget=Budget(unknowns=1.01 * plan.unknowns(CUBIC)))
     assert chances(few)[1:] == ((CUBIC, 1.0),)
-    assert likely(few) == (PATH_FINDER, CUBIC)
+    assert likely(chances(few)) == (PATH_FINDER, CUBIC)
 
 
 EXTENT_SCENES = {

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from finite_strain import Numerics
-from finite_strain.accuracy.reached import judge
+from finite_strain.accuracy.answer import judge
 from finite_strain.observer import Silence
 from finite_strain.planning.records import (
     BEFORE,

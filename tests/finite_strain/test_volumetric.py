@@ -14,7 +14,6 @@ from finite_strain.mechanics.volumetric import (
     Mixed,
     describe_forms,
     form_notes,
-    is_mixed,
     volume_stiffness,
 )
 from finite_strain.planning.run_plan import plan_run
@@ -87,4 +86,4 @@ def test_no_lame_constant_is_needed_where_it_is_infinite() -> None:
     assert math.isinf(layer.lame_first)
     assert Mixed(2.0, 1.0 / layer.lame_first, 0.0)(0.1) == 0.2
     assert volume_stiffness(layer.shear_modulus, layer.lame_first) == VOLUME_STIFFNESS * layer.shear_modulus
-    assert is_mixed(replace(of(0.3), layer=layer), "layer")
+    assert describe_forms(replace(of(0.3), layer=layer)) == {"layer": "mixed"}

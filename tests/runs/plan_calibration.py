@@ -48,7 +48,7 @@ CASES: dict[str, tuple[Problem, float, Sequence[float] | None]] = {
 def measure(name: str) -> dict[str, float]:
     """Solve a case and return unknowns, processor time [s], largest memory [bytes], error of the first answer."""
     import finite_strain  # noqa: PLC0415  (not at the import of the command line)
-    from finite_strain.planning.forecast import likely  # noqa: PLC0415
+    from finite_strain.planning.forecast import chances, likely  # noqa: PLC0415
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
     problem, accuracy, steps = CASES[name]
@@ -64,7 +64,7 @@ def measure(name: str) -> dict[str, float]:
     slow.append(slowness())
     plan = plan_run(problem, accuracy, "finite_strain", steps=steps)
     meshes = solved.accuracy["meshes"]
-    assert len(meshes) == len(likely(plan)), f"{name}: took other discretisations than planned"
+    assert len(meshes) == len(likely(chances(plan))), f"{name}: took other discretisations than planned"
     memory = 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     cost = {"unknowns": meshes[-1]["unknowns"], "seconds": seconds, "memory": memory}
     return {**cost, "error": meshes[1]["reached"], "slowness": sum(slow) / 2.0}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from finite_strain.planning.forecast import likely
+from finite_strain.planning.forecast import chances, likely
 from finite_strain.planning.records import Discretisation
 from finite_strain.planning.run_plan import plan_run
 from runs.models import choose, standing
@@ -54,7 +54,7 @@ def test_the_layer_of_the_scene_can_be_meshed(path: Path, tmp_path: Path) -> Non
     from meshes.layer import write_layer_mesh  # noqa: PLC0415
 
     plan = plan_run(read_scene(path).problem, 0.02, "finite_strain")
-    for number, level in enumerate((*likely(plan), Discretisation(3, 2.0))):
+    for number, level in enumerate((*likely(chances(plan)), Discretisation(3, 2.0))):
         mesh = tmp_path / f"{number}.msh"
         write_layer_mesh(plan.box(level), mesh)
         assert mesh.stat().st_size > 5_000
