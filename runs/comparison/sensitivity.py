@@ -206,21 +206,18 @@ def _row(name: str, value: str, step: str, slope: float, unit: str, known: float
 
 
 def _value(symbol: str, problem: Problem, scale: Scale) -> str:
-    length, force, pressure = scale.units.length, scale.units.force, scale.units.pressure
-    if symbol == "R":
-        return ", ".join(length(value) for value in list(dict.fromkeys(ball.radius for ball in problem.balls))[:3])
-    if symbol == "L":
-        places = [ball.position for ball in problem.balls]
-        nearest = min(math.dist(a, b) for i, a in enumerate(places) for b in places[:i])
-        return length(nearest)
-    if symbol == "E2":
-        return pressure(problem.substrate.young) if problem.substrate is not None else "-"
-    if symbol in "DQ":
-        unit = length if symbol == "D" else force
-        return ", ".join(unit(value) for value in list(dict.fromkeys(problem.load.values))[:3])
-    return {
-        "h": length(problem.layer.thickness), "E1": pressure(problem.layer.young),
-    }[symbol]  # fmt: skip
+    units, layer, substrate = scale.units, problem.layer, problem.substrate
+    places = [ball.position for ball in problem.balls]
+    unit, values = {
+        "h": (units.length, [layer.thickness]),
+        "R": (units.length, [ball.radius for ball in problem.balls]),
+        "L": (units.length, [min(math.dist(a, b) for i, a in enumerate(places) for b in places[:i])]),
+        "E1": (units.pressure, [layer.young]),
+        "E2": (units.pressure, [] if substrate is None else [substrate.young]),
+        "D": (units.length, problem.load.values),
+        "Q": (units.force, problem.load.values),
+    }[symbol]
+    return ", ".join(unit(value) for value in list(dict.fromkeys(values))[:3])
 
 
 def ratio(found: Mapping[str, Any], comparison: Sequence[Mapping[str, Any]], kind: str) -> float | None:

@@ -21,24 +21,24 @@ def saved(earlier: Mapping[str, Any]) -> Document:
 
 
 def results(
-    session: Session, given: Provider, balls: HardBalls, moments: Sequence[Moment], tolerance: float, found: Document,
-    tell: Callable[[str], None], keep: Callable[[], None],
+    session: Session, source: Provider, balls: HardBalls, moments: Sequence[Moment], tolerance: float, found: Document,
+    save: Callable[[], None],
 ) -> Document:  # fmt: skip
-    """Return the results of a complete path; those in ``found`` are taken from there, new ones added and kept.
+    """Return the results of a complete path; those in ``found`` are taken from there, new ones added and saved.
 
-    ``tolerance`` [m] is that of the path; ``tell`` takes a line for each.
+    ``tolerance`` [m] is that of the path.
     """
-    forces, problem, sliding, model = given.forces, session.problem, session.scene.reciprocation, session.model.name
+    forces, problem, sliding, model = source.forces, session.problem, session.scene.reciprocation, session.model.name
     assert sliding is not None
     begin, end = moments[0].positions, moments[-1].positions
 
     def once(key: str, words: str, compute: Callable[[], Document]) -> None:
         if key in found:
-            tell(f"{words}: saved")
+            session.report(f"{words}: saved")
             return
-        tell(words)
+        session.report(words)
         found.update(compute())
-        keep()
+        save()
 
     def check() -> Document:
         accuracy = session.scene.tangential_force or DIRECT_ACCURACY
@@ -51,9 +51,9 @@ def results(
         return {"position_error": outcome.position_error(moments, forces, balls, begin, tolerance, sliding.rest)}
 
     def equilibrium() -> Document:
-        pairs = given.cheap and len(end) == 2
+        pairs = source.cheap and len(end) == 2
         return {
-            "equilibrium": outcome.equilibrium(forces, balls, end, given.difference),
+            "equilibrium": outcome.equilibrium(forces, balls, end, source.difference),
             "pair_equilibria": outcome.pair_equilibria(forces, balls) if pairs else None,
         }
 
@@ -70,7 +70,7 @@ def results(
         "equilibrium": found.get("equilibrium"),
         "pair_equilibria": found.get("pair_equilibria"),
         "momentum": outcome.momentum(moments),
-        "pair_table": given.table,
+        "pair_table": source.table,
         "direct_check": found.get("direct_check"),
         "cut_error": forces.cut_error(begin) if isinstance(forces, PairForces) else None,
     }

@@ -170,10 +170,10 @@ def _followed(scene: Scene, problem: Problem, forces: Forces) -> Followed:
     tolerance = sliding.tolerance * min(ball.radius for ball in problem.balls)
     drift = Drift(forces, balls, tolerance, sliding.rest)
     moments = drift.path(start(balls, problem.positions, sliding, 0), sliding.end)
-    next(moments)
+    moment = next(moments)
     begun, spent = time.process_time(), 0.0
     for moment in moments:
         spent = time.process_time() - begun
         if spent > PATIENCE and not moment.resting:
-            return Followed(drift.steps, spent, moment.sigma, ended=False)
-    return Followed(drift.steps, spent, sliding.end, ended=True)
+            return Followed(moment.steps, spent, moment.sigma, ended=False)
+    return Followed(moment.steps, spent, sliding.end, ended=True)

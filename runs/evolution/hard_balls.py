@@ -119,16 +119,12 @@ class HardBalls:
     def near(self, x: Array, gap: float) -> Pairs:
         """Return the numbers of the pairs with a gap of at most ``gap`` [m]."""
         count = len(self.radii)
-        if count <= FEW:
+        reach = 2.0 * float(np.max(self.radii)) + gap
+        if count <= FEW or (self.cell is not None and reach >= 0.5 * float(np.min(self.cell))):
             which = self.all
         else:
-            reach = 2.0 * float(np.max(self.radii)) + gap
-            if self.cell is not None and reach >= 0.5 * float(np.min(self.cell)):
-                which = self.all
-            else:
-                inside = x if self.cell is None else wrapped(x, self.cell)
-                found = cKDTree(inside, boxsize=self.cell).query_pairs(reach, output_type="ndarray")
-                which = np.sort(found.min(axis=1) * count + found.max(axis=1))
+            found = cKDTree(wrapped(x, self.cell), boxsize=self.cell).query_pairs(reach, output_type="ndarray")
+            which = np.sort(found.min(axis=1) * count + found.max(axis=1))
         return which[self.gaps(x, which) <= gap]
 
     def touching(self, x: Array, within: float = 0.0) -> Pairs:
@@ -184,14 +180,10 @@ class HardBalls:
         """Return the balls of each connected group; pairs with a gap of up to `CONNECTED` are connected."""
         which = self.near(x, CONNECTED * 2.0 * float(np.max(self.radii)))
         i, j = self.pairs(which[self.gaps(x, which) <= CONNECTED * self.distances(which)]).T
-        count = len(x)
-        number, label = connected_components(
-            coo_matrix((np.ones(len(i)), (i, j)), shape=(count, count)), directed=False
-        )
-        members: list[list[int]] = [[] for _ in range(number)]
-        for ball, group in enumerate(label):
-            members[group].append(ball)
-        return members
+        joined = coo_matrix((np.ones(len(i)), (i, j)), shape=(len(x), len(x)))
+        _, label = connected_components(joined, directed=False)
+        groups = np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label))[:-1])
+        return [group.tolist() for group in groups]
 
 
 def resistances(load: Array) -> Array:
