@@ -52,8 +52,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool 
     elif model.plan:
         accuracy = accuracy_beside(accuracy)
     with waiting("the linear model on some of the balls, for this plan"):
-        found = ahead_of(whole, accuracy)
-    part, seen, ahead, seconds = found.part, found.seen, found.result, found.seconds
+        part, seen, ahead, seconds = ahead_of(whole, accuracy)
     plans, evolution = [{"model": model.name, "summary": model.summary}], None
     if drifts:
         from runs.evolution.expectation import expectation  # noqa: PLC0415  (only where balls drift)
@@ -151,8 +150,7 @@ def _model_plan(
 ) -> dict[str, Any]:
     """Return the plan of a model; a linear one takes the time ``expected`` [s] per state, beside others or alone."""
     if model.plan is not None:
-        found = model.plan(problem, scene.tangential_force, scene.budget, scene.steps or (1.0,))
-        details = as_command(found)
+        details = as_command(model.plan(problem, scene.tangential_force, scene.budget, scene.steps or (1.0,)))
     else:
         details = {
             "symmetries": [],

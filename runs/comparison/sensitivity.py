@@ -14,6 +14,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 from linear_bem.errors import InvalidProblem, ThirdBodyError, UnsupportedProblem
@@ -120,22 +121,19 @@ def _exponent(problem: Problem, change: Change, relative: Callable[[Problem], fl
 
 def _inputs(problem: Problem) -> dict[str, Change]:
     """Return, for each input of a problem, the function that multiplies it by a factor."""
-    inputs: dict[str, Change] = {"E1": _constant("layer", "young"), "R": _radius, "L": _distance}
+    inputs: dict[str, Change] = {"E1": partial(_constant, "layer", "young"), "R": _radius, "L": _distance}
     if math.isfinite(problem.layer.thickness):
-        inputs["h"] = _constant("layer", "thickness")
+        inputs["h"] = partial(_constant, "layer", "thickness")
     if problem.substrate is not None:
-        inputs["E2"] = _constant("substrate", "young")
+        inputs["E2"] = partial(_constant, "substrate", "young")
     inputs["D" if problem.load.kind == "approach" else "Q"] = _load
     return {symbol: inputs[symbol] for symbol in WORDS if symbol in inputs}
 
 
-def _constant(part: str, key: str) -> Change:
-    def change(problem: Problem, factor: float) -> Problem:
-        solid: Any = getattr(problem, part)
-        changed: dict[str, Any] = {part: dataclasses.replace(solid, **{key: factor * getattr(solid, key)})}
-        return dataclasses.replace(problem, **changed)
-
-    return change
+def _constant(part: str, key: str, problem: Problem, factor: float) -> Problem:
+    solid: Any = getattr(problem, part)
+    changed: dict[str, Any] = {part: dataclasses.replace(solid, **{key: factor * getattr(solid, key)})}
+    return dataclasses.replace(problem, **changed)
 
 
 def _load(problem: Problem, factor: float) -> Problem:

@@ -146,8 +146,6 @@ def error_lines(balls: Sequence[Mapping[str, Any]]) -> list[str]:
         for key, words in names.items()
         if all(key in ball.get("errors", {}) for ball in balls)
     }
-    if not shares:
-        return []
     # below 1e-7 % an estimate is roundoff: such a quantity is prescribed
     known = ", ".join(f"{words} {100.0 * share:.2g} %" for words, share in shares.items() if share > 1e-9)
     return [f"estimated errors: {known}"] if known else []

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from runs.evolution import outcome
+from runs.evolution import equilibria, outcome
 from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.pair_forces import PairForces
@@ -51,11 +51,11 @@ def results(
         return {"position_error": outcome.position_error(moments, forces, balls, begin, tolerance, sliding.rest)}
 
     def equilibrium() -> Document:
-        pairs = source.cheap and len(end) == 2
-        return {
-            "equilibrium": outcome.equilibrium(forces, balls, end, source.difference),
-            "pair_equilibria": outcome.pair_equilibria(forces, balls) if pairs else None,
-        }
+        of_pair: list[Document] | None = None
+        if source.cheap and len(end) == 2:
+            distances = equilibria.of_pair(forces, balls.smallest, outcome.FURTHEST * balls.smallest)
+            of_pair = [{"distance": distance, "verdict": verdict} for distance, verdict in distances]
+        return {"equilibrium": outcome.equilibrium(forces, balls, end, source.difference), "pair_equilibria": of_pair}
 
     if model != "finite_strain" and problem.size <= MEASURED:
         once("direct_check", "the full linear model at start and end of the path, for the error of T", check)

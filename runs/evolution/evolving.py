@@ -20,7 +20,7 @@ from runs.evolution.drift import AT_END, Drift, Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.layer_pictures import some
 from runs.evolution.providers import Provider, provider, require_forces
-from runs.evolution.record import Record, events, gathered_at, summary
+from runs.evolution.record import Record, events, summary
 from runs.models import Model, choose, standing
 from runs.process import ranks, signals
 from runs.process.files import write_csv
@@ -207,13 +207,13 @@ class Evolution:
 
     def _member(self, record: Record, number: int) -> Document:
         found = summary(record.moments, self.balls, self._nominal)
-        gathered = gathered_at(record.moments, self.balls)
+        one_group = next((m.sigma for m in record.moments if len(self.balls.groups(m.positions)) == 1), None)
         return {
             "seed": self.sliding.seed + number,
             "steps": record.steps,
             **found,
             "cycles_end": self.sliding.cycles_after(found["sigma_end"]),
-            "cycles_one_group": None if gathered is None else self.sliding.cycles_after(gathered),
+            "cycles_one_group": None if one_group is None else self.sliding.cycles_after(one_group),
         }
 
     def _follow(

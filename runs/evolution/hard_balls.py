@@ -61,15 +61,14 @@ class HardBalls:
     @classmethod
     def of(cls, problem: Problem, cell: tuple[float, float] | None = None, rolling: float = 0.0) -> HardBalls:
         """Return the hard balls of ``problem``; raises `UnsupportedProblem` if no flat plate gives its approaches."""
-        levels = np.array([ball.radius for ball in problem.balls]), np.array(problem.load.values)
-        bottoms, tops = levels[1], levels[1] - 2.0 * levels[0]
-        if min(float(np.ptp(bottoms)), float(np.ptp(tops))) > 1e-9 * float(np.max(levels[0])):
+        radii, bottoms = np.array([ball.radius for ball in problem.balls]), np.array(problem.load.values)
+        if min(np.ptp(bottoms), np.ptp(bottoms - 2.0 * radii)) > 1e-9 * np.max(radii):
             raise UnsupportedProblem(
                 "load.approach: balls that drift under one flat plate have their lowest points on one level (equal "
                 f"approaches) or their tops (approach less diameter), got approaches from {np.min(bottoms):.9g} m to "
                 f"{np.max(bottoms):.9g} m; give one approach, or each ball's diameter less one length"
             )
-        return cls(levels[0], None if cell is None else np.array(cell), rolling)
+        return cls(radii, None if cell is None else np.array(cell), rolling)
 
     @property
     def smallest(self) -> float:

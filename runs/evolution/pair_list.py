@@ -28,7 +28,6 @@ from linear_bem.arrays import Array, Indices
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.far_field.kernel_split import RULES, Split
 from linear_bem.far_field.particle_mesh import ORDER, PeriodicMesh, Points
-from linear_bem.layer.cell import Cell
 from linear_bem.touching import wrapped
 
 if TYPE_CHECKING:
@@ -179,6 +178,8 @@ class PairList:
         radius = self.reach + self._skin
         if self.cell is None:
             return self._open(x, radius)
+        from linear_bem.layer.cell import Cell  # noqa: PLC0415  (only where balls repeat)
+
         _refuse_more_than(float(len(x) ** 2 * np.pi * radius**2 / np.prod(self.cell) / 2.0))
         first, second, shift = Cell(self.cell, 0.0).pairs(x, radius)
         shift[first > second] *= -1.0

@@ -213,11 +213,6 @@ def starting_neighbours(x: Array, balls: HardBalls, share: float) -> Pairs:
     return which[distances <= share * np.min(distances)]
 
 
-def gathered_at(moments: Sequence[Moment], balls: HardBalls) -> float | None:
-    """Return sigma [m] from which all balls are one group; None where they never are."""
-    return next((m.sigma for m in moments if len(balls.groups(m.positions)) == 1), None)
-
-
 def summary(moments: Sequence[Moment], balls: HardBalls, nominal: Array) -> Document:
     """Return the end of a path in a few numbers, for comparing members of an ensemble.
 
