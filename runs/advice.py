@@ -20,8 +20,8 @@ from runs.models import MODELS, USUAL, Run
 
 SHARE = 0.05
 """Accuracy of the computed changes, as a fraction of that of the scene."""
-STIFFNESSES = (1e1, 1e2, 1e3, 1e4)
-"""Ratios of substrate modulus to layer modulus that are tried if the scene has a rigid base."""
+STIFFNESSES = (1e4, 1e3, 1e2, 1e1)
+"""Ratios of substrate modulus to layer modulus that are tried if the scene has a rigid base, until T changes."""
 PATIENCE = 60.0
 """Default time limit of the advice [s]; effects that would exceed it are left out."""
 FINER = 1.5
@@ -63,8 +63,10 @@ class Adviser:
         self.accuracy = accuracy or USUAL
         sizes = [math.hypot(*ball.tangential_force) for ball in ahead.balls]
         self.ball = sizes.index(max(sizes))
-        self.force = ahead.balls[self.ball].tangential_force
         self.size = sizes[self.ball]
+        place = problem.balls[self.ball].position
+        self.away = [math.dist(place, ball.position) for ball in problem.balls]
+        self.run = Run(max(SHARE * self.accuracy, 1e-4))
         self.spent = FINER * ahead.solved.seconds  # of the state that changes refer to
         self.left_out: list[str] = []
 
@@ -100,61 +102,46 @@ class Adviser:
 
     def _changed(self, problem: Problem, solve: Callable[[Problem, Run], Result] = MODELS["linear_bem"].solve) -> float:
         """Return the relative change of T, along its direction, if ``problem`` is solved instead."""
-        x, y = solve(problem, Run(self._precision)).balls[self.ball].tangential_force
+        x, y = solve(problem, self.run).balls[self.ball].tangential_force
         exact_x, exact_y = self._exact
         return (x * exact_x + y * exact_y) / (exact_x**2 + exact_y**2) - 1.0
 
-    @property
-    def _precision(self) -> float:
-        return max(SHARE * self.accuracy, 1e-4)
-
     @cached_property
     def _exact(self) -> tuple[float, float]:
-        return MODELS["linear_bem"].solve(self.problem, Run(self._precision)).balls[self.ball].tangential_force
+        return MODELS["linear_bem"].solve(self.problem, self.run).balls[self.ball].tangential_force
 
     def _judged(self, change: float) -> bool:
         return abs(change) > self.accuracy
 
     def _finite_strain(self) -> Advice:
         present = "finite_strain" in self.effects
-        ball, scene_ball = self.ahead.balls[self.ball], self.problem.balls[self.ball]
-        radius = scene_ball.radius
-        approach, thickness = ball.approach / radius, self.problem.layer.thickness / radius
-        distance = min(
-            math.dist(scene_ball.position, other.position)
-            for i, other in enumerate(self.problem.balls)
-            if i != self.ball
-        )
-        layer, substrate = self.problem.layer, self.problem.substrate
+        layer, substrate, radius = self.problem.layer, self.problem.substrate, self.problem.balls[self.ball].radius
+        approach, thickness = self.ahead.balls[self.ball].approach / radius, layer.thickness / radius
+        distance = min(away for i, away in enumerate(self.away) if i != self.ball) / radius
         stiffness = math.inf if substrate is None else substrate.young / layer.young
-        change = strengthening_at_force(approach, thickness, layer.poisson, distance / radius) - 1.0
-        beyond = outside(approach, thickness, distance / radius, layer.poisson, stiffness)
+        change = strengthening_at_force(approach, thickness, layer.poisson, distance) - 1.0
+        beyond = outside(approach, thickness, distance, layer.poisson, stiffness)
         if not all(isinstance(each.indenter, Sphere | Paraboloid) for each in self.problem.balls):
-            beyond = [*beyond, "spheres and paraboloids only"]
+            beyond.append("spheres and paraboloids only")
         alike = [each.approach / of.radius for each, of in zip(self.ahead.balls, self.problem.balls, strict=True)]
         if max(alike) - min(alike) > UNLIKE * max(alike) or len({each.radius for each in self.problem.balls}) > 1:
-            beyond = [*beyond, "equal balls and approaches"]
+            beyond.append("equal balls and approaches")
         if self.law != FITTED_LAW:
-            beyond = [*beyond, f"the law {FITTED_LAW} (here {self.law})"]
-        error = fit_error(approach, thickness, layer.poisson, distance / radius)
-        matters = None
-        if not beyond and abs(change) - error > self.accuracy:
-            matters = True
-        elif not beyond and abs(change) + error <= self.accuracy:
-            matters = False
+            beyond.append(f"the law {FITTED_LAW} (here {self.law})")
+        error = fit_error(approach, thickness, layer.poisson, distance)
+        unsure = abs(change) - error <= self.accuracy < abs(change) + error
+        matters = None if beyond or unsure else self._judged(change)
         verb = "changes" if present else "would change"
-        by = f"{_rounded(change, 2):+g} \u00b1 {_rounded(error, 2):g} %"
-        said = f"finite strain {verb} T by {by} at equal force, by a fit"
+        said = f"{_rounded(change, 2):+g} \u00b1 {_rounded(error, 2):g} % at equal force, by a fit"
+        shown: tuple[float | None, float | None] = (change, error)
         if beyond:
-            said = (
-                f"finite strain {verb} T by an unknown amount, in either direction: the fit is for {', '.join(beyond)}"
-            )
+            shown = None, None
+            said = f"an unknown amount, in either direction: the fit is for {', '.join(beyond)}"
             said += "" if {"reciprocation", "periodic"} & {*self.effects} else "; `thirdbody compare` computes it"
         do = "" if present else "; add [finite_strain]"
         if matters is False:
             do = "; the scene can do without" if present else "; not needed"
-        shown = (change, error) if not beyond else (None, None)
-        return Advice("finite_strain", present, shown[0], shown[1], matters, said + do)
+        return Advice("finite_strain", present, *shown, matters, f"finite strain {verb} T by {said}{do}")
 
     def _shape(self) -> list[Advice]:
         shapes = {ball.shape for ball in self.problem.balls}
@@ -177,20 +164,14 @@ class Adviser:
             matters = self._judged(change)
             text = f"the substrate's compliance: a rigid base would change T by {percent(change)}"
             return [Advice("substrate", True, change, None, matters, text)]
-        change, softest = 0.0, None
-        for ratio in sorted(STIFFNESSES, reverse=True):
+        for ratio in STIFFNESSES:
             change = self._changed(dataclasses.replace(self.problem, substrate=Elastic(ratio * layer.young, 0.3)))
             if self._judged(change):
-                softest = ratio
                 break
-        if softest is None:
-            text = f"a substrate {STIFFNESSES[0]:g} times as stiff as the layer would change T by {percent(change)}"
-            return [Advice("substrate", False, change, None, False, text)]
-        text = (
-            f"a substrate {softest:g} times as stiff as the layer would change T by {percent(change)}; "
-            "add [substrate] if yours is no stiffer"
-        )
-        return [Advice("substrate", False, change, None, None, text)]
+        text = f"a substrate {ratio:g} times as stiff as the layer would change T by {percent(change)}"
+        if self._judged(change):
+            return [Advice("substrate", False, change, None, None, f"{text}; add [substrate] if yours is no stiffer")]
+        return [Advice("substrate", False, change, None, False, text)]
 
     def _poisson(self) -> list[Advice]:
         layer = self.problem.layer
@@ -209,16 +190,15 @@ class Adviser:
 
     def _neighbours(self) -> Iterator[Advice]:
         """Advise beyond which distance neighbours can be neglected, by the point-load law of each pair."""
-        place = self.problem.balls[self.ball].position
-        away = [math.dist(place, ball.position) for ball in self.problem.balls]
-        rings = sorted({round(d, 12) for d in away if d > 0.0})
+        rings = sorted({round(d, 12) for d in self.away if d > 0.0})
         if len(rings) < 2:
             return
         law = MODELS["point_load"].solve
         forces = [ball.normal_force for ball in self.ahead.balls]
 
         def within(reach: float) -> tuple[float, float]:
-            kept = [i for i, d in enumerate(away) if d <= reach * (1.0 + 1e-9) and (forces[i] > 0.0 or i == self.ball)]
+            near = (i for i, away in enumerate(self.away) if away <= reach * (1.0 + 1e-9))
+            kept = [i for i in near if forces[i] > 0.0 or i == self.ball]
             balls = tuple(self.problem.balls[i] for i in kept)
             alone = dataclasses.replace(self.problem, balls=balls, load=Load("force", tuple(forces[i] for i in kept)))
             return law(alone, Run()).balls[kept.index(self.ball)].tangential_force
@@ -231,13 +211,12 @@ class Adviser:
             if left > self.accuracy:
                 break
             nearest, change = ring, left
-        radius = self.problem.balls[self.ball].radius
         if nearest == rings[-1]:
-            yield Advice(
-                "neighbours", True, left, None, True, f"even the farthest neighbours change T by {percent(left)}"
-            )
+            text = f"even the farthest neighbours change T by {percent(left)}"
+            yield Advice("neighbours", True, left, None, True, text)
         else:
-            text = f"neighbours beyond {number(nearest / radius, 3)} R change T by {percent(change)} in all"
+            beyond = number(nearest / self.problem.balls[self.ball].radius, 3)
+            text = f"neighbours beyond {beyond} R change T by {percent(change)} in all"
             yield Advice("neighbours", True, change, None, False, text)
 
     def _reciprocation(self) -> Advice:

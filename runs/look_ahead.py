@@ -3,7 +3,6 @@
 import dataclasses
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from linear_bem.result import Result
 from linear_bem.sampled_solution import SAMPLE
 from linear_bem.smooth.contacts import CHECKED
 from runs.display.numbers import leading_ball
-from runs.models import COMMAND_BYTES, MODELS, Model, Run, without
+from runs.models import COMMAND_BYTES, MODELS, Run, without
 
 CLOSE, ABOUT = 7, 5
 """Number of balls up to which advice is on the whole scene; number of balls in the advice on larger scenes: the ball
@@ -34,37 +33,28 @@ ball and per unknown (grids). Measured, in MB, with the command: 165 for 2 balls
 400, 274 for 2000, 327 for 3000, 754 for 10 000; 357 for 1600 of degree 6; 119 for 126 thousand cells."""
 
 
-@dataclass(frozen=True)
-class Ahead:
-    """The linear ``result`` of ``part``, the balls ``seen`` of a problem; ``seconds``: time of all its balls."""
+def ahead_of(problem: Problem, accuracy: float | None) -> tuple[Problem, Sequence[int], Result, float]:
+    """Solve all balls by the linear model if they are few, else some about the middle.
 
-    part: Problem
-    seen: Sequence[int]
-    result: Result
-    seconds: float
-
-
-def ahead_of(problem: Problem, accuracy: float | None) -> Ahead:
-    """Return the linear solution of all balls if they are few, else of some about the middle.
-
-    The error of many balls is estimated by a smaller sample than in the run, whose sample may take most of the time.
+    Return the problem of these balls, their numbers, their result, and the time [s] of all balls of ``problem``. The
+    error of many balls is estimated by a smaller sample than in the run, whose sample may take most of the time.
     """
-    model, small = MODELS["linear_bem"], without(problem, ["finite_strain"])
+    small = without(problem, ["finite_strain"])
     if np.count_nonzero(_loaded(small)) > CHECKED:
         part, seen = in_the_middle(small, MANY)
         phases = _Phases()
-        result = measured(model, part, accuracy, phases, SAMPLED)
+        result = measured(part, accuracy, phases, SAMPLED)
         touching, seconds = sum(ball.normal_force > 0.0 for ball in result.balls), result.solved.seconds
         if touching * problem.size > CHECKED * part.size:
             sampled = min(phases.sampled, seconds)
             rest = (seconds - sampled) * problem.size / part.size
-            return Ahead(part, seen, result, LARGER * sampled + rest)
+            return part, seen, result, LARGER * sampled + rest
     part, seen = in_the_middle(small, FEW)
     whole = part is small
-    result = measured(model, part, ROUGH if whole else accuracy)
+    result = measured(part, ROUGH if whole else accuracy)
     if whole and result.solved.seconds < QUICK:
-        result = measured(model, part, accuracy)
-    return Ahead(part, seen, result, result.solved.seconds * problem.size / part.size)
+        result = measured(part, accuracy)
+    return part, seen, result, result.solved.seconds * problem.size / part.size
 
 
 class _Phases:
@@ -84,12 +74,11 @@ class _Phases:
 
 
 def measured(
-    model: Model, problem: Problem, accuracy: float | None, report: Callable[[str], None] = silent,
-    sample: int | None = None,
-) -> Result:  # fmt: skip
-    """Return a model's result with its time [s] on an idle machine: the lesser of wall and processor time."""
+    problem: Problem, accuracy: float | None, report: Callable[[str], None] = silent, sample: int | None = None
+) -> Result:
+    """Return the linear model's result with its time [s] on an idle machine: the lesser of wall and processor time."""
     begun = time.process_time()
-    result = model.solve(problem, Run(accuracy, report=report, sample=sample))
+    result = MODELS["linear_bem"].solve(problem, Run(accuracy, report=report, sample=sample))
     seconds = min(result.solved.seconds, time.process_time() - begun)
     return dataclasses.replace(result, solved=dataclasses.replace(result.solved, seconds=seconds))
 
@@ -102,7 +91,7 @@ def closest(problem: Problem, ahead: Result) -> tuple[Problem, Result]:
     if problem.load.kind == "total_force":
         problem = problem.with_load("force", [ball.normal_force for ball in ahead.balls])
     part = only(without(problem, ["finite_strain"]), _nearest(problem, place, ABOUT))
-    return part, measured(MODELS["linear_bem"], part, ROUGH)
+    return part, measured(part, ROUGH)
 
 
 def in_the_middle(problem: Problem, count: int) -> tuple[Problem, Sequence[int]]:

@@ -8,6 +8,7 @@ import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -106,57 +107,48 @@ def load_path(problem: Problem) -> Sequence[float]:
     return prescribed(problem).answered_fractions()
 
 
-def _stepwise(solve: Callable[[Problem, Run], Result]) -> Callable[[Problem, Run], Result]:
-    """Return a solver of a linear model that solves every load fraction of its run independently."""
-
-    def along(problem: Problem, run: Run) -> Result:
-        steps, seconds, iterations = [], 0.0, 0
-        for fraction in load_path(problem) if run.steps is None else run.steps:
-            values = [fraction * value for value in problem.load.values]
-            result = solve(problem.with_load(problem.load.kind, values), run)
-            steps.append(Step(result.balls, {"fraction": fraction}))
-            seconds += result.solved.seconds
-            iterations += result.solved.iterations
-        solved = dataclasses.replace(result.solved, seconds=seconds, iterations=iterations)
-        return result if len(steps) == 1 else dataclasses.replace(result, steps=tuple(steps), solved=solved)
-
-    return along
+def _stepwise(solve: Callable[[Problem, Run], Result], problem: Problem, run: Run) -> Result:
+    """Return the result of a linear model that solves every load fraction of its run independently."""
+    steps, seconds, iterations = [], 0.0, 0
+    for fraction in load_path(problem) if run.steps is None else run.steps:
+        values = [fraction * value for value in problem.load.values]
+        result = solve(problem.with_load(problem.load.kind, values), run)
+        steps.append(Step(result.balls, {"fraction": fraction}))
+        seconds += result.solved.seconds
+        iterations += result.solved.iterations
+    solved = dataclasses.replace(result.solved, seconds=seconds, iterations=iterations)
+    return result if len(steps) == 1 else dataclasses.replace(result, steps=tuple(steps), solved=solved)
 
 
-def _elements(kinematics: str) -> Callable[[Problem, Run], Result]:
-    def solve(problem: Problem, run: Run) -> Result:
-        import finite_strain  # noqa: PLC0415
+def _elements(kinematics: str, problem: Problem, run: Run) -> Result:
+    import finite_strain  # noqa: PLC0415
 
-        options: dict[str, Any] = {**_accuracy(run.tangential_force), **run.budget, "steps": run.steps}
-        if run.output is not None:
-            chosen = {} if run.output.fields is None else {"names": run.output.fields}
-            options["fields"] = finite_strain.FieldChoice(every=run.output.every, **chosen)
-        try:
-            return finite_strain.solve(
-                problem, model=kinematics, comm=run.comm, folder=run.folder, observer=run.observer,
-                numerics=finite_strain.Numerics(**run.numerics), **options,
-            )  # fmt: skip
-        except (ImportError, ValueError) as error:
-            if isinstance(error, ThirdBodyError) or not any(words in str(error) for words in OTHER_NUMPY):
-                raise
-            raise MissingDependency(
-                f"{kinematics} needs DOLFINx, which {sys.executable} cannot import: {error}; `thirdbody doctor` names "
-                "the remedy"
-            ) from error
-
-    return solve
+    options: dict[str, Any] = {**_accuracy(run.tangential_force), **run.budget, "steps": run.steps}
+    if run.output is not None:
+        chosen = {} if run.output.fields is None else {"names": run.output.fields}
+        options["fields"] = finite_strain.FieldChoice(every=run.output.every, **chosen)
+    try:
+        return finite_strain.solve(
+            problem, model=kinematics, comm=run.comm, folder=run.folder, observer=run.observer,
+            numerics=finite_strain.Numerics(**run.numerics), **options,
+        )  # fmt: skip
+    except (ImportError, ValueError) as error:
+        if isinstance(error, ThirdBodyError) or not any(words in str(error) for words in OTHER_NUMPY):
+            raise
+        raise MissingDependency(
+            f"{kinematics} needs DOLFINx, which {sys.executable} cannot import: {error}; `thirdbody doctor` names "
+            "the remedy"
+        ) from error
 
 
-def _elements_plan(kinematics: str) -> Planner:
-    def plan(
-        problem: Problem, accuracy: float | None, budget: Mapping[str, float], steps: Sequence[float] | None
-    ) -> dict[str, Any]:
-        import finite_strain  # noqa: PLC0415
+def _elements_plan(
+    kinematics: str, problem: Problem, accuracy: float | None, budget: Mapping[str, float],
+    steps: Sequence[float] | None,
+) -> dict[str, Any]:  # fmt: skip
+    import finite_strain  # noqa: PLC0415
 
-        planned = finite_strain.plan(problem, model=kinematics, **_accuracy(accuracy), **budget, steps=steps)
-        return _slower(planned, slowness())
-
-    return plan
+    planned = finite_strain.plan(problem, model=kinematics, **_accuracy(accuracy), **budget, steps=steps)
+    return _slower(planned, slowness())
 
 
 def _slower(plan: Mapping[str, Any], factor: float) -> dict[str, Any]:
@@ -178,19 +170,20 @@ MODELS = {
     model.name: model
     for model in (
         Model(
-            "linear_bem", "small strain, boundary elements", _HALF_SPACE | {"periodic"}, _stepwise(_linear_bem),
+            "linear_bem", "small strain, boundary elements", _HALF_SPACE | {"periodic"},
+            partial(_stepwise, _linear_bem), leaves_out=_FINITE,
+        ),
+        Model(
+            "finite_strain", "hyperelastic finite elements", _HALF_SPACE | _FINITE, partial(_elements, "finite_strain"),
+            called_for_by=_FINITE, parallel=True, plan=partial(_elements_plan, "finite_strain"),
+        ),
+        Model(
+            "small_strain", "small strain, the same finite elements", _HALF_SPACE, partial(_elements, "small_strain"),
+            leaves_out=_FINITE, parallel=True, plan=partial(_elements_plan, "small_strain"),
+        ),
+        Model(
+            "point_load", "small strain, balls as point loads", _HALF_SPACE, partial(_stepwise, _point_load),
             leaves_out=_FINITE,
-        ),
-        Model(
-            "finite_strain", "hyperelastic finite elements", _HALF_SPACE | _FINITE, _elements("finite_strain"),
-            called_for_by=_FINITE, parallel=True, plan=_elements_plan("finite_strain"),
-        ),
-        Model(
-            "small_strain", "small strain, the same finite elements", _HALF_SPACE, _elements("small_strain"),
-            leaves_out=_FINITE, parallel=True, plan=_elements_plan("small_strain"),
-        ),
-        Model(
-            "point_load", "small strain, balls as point loads", _HALF_SPACE, _stepwise(_point_load), leaves_out=_FINITE
         ),
     )
 }  # fmt: skip

@@ -8,7 +8,7 @@ from runs.comparison.linear_states import LinearStates
 from runs.comparison.strengthening_factors import answer, compare_steps
 from runs.display import figures, tables
 from runs.display.numbers import leading_ball
-from runs.display.rows import LEGEND, OF_VECTORS, compared_ball_rows, may_turn
+from runs.display.rows import LEGEND, OF_VECTORS, compared_ball_rows, comparison_rows, may_turn
 from runs.process import ranks
 from runs.process.files import write_csv
 from runs.process.json_values import Document, as_given
@@ -78,7 +78,8 @@ def _show(session: Session, document: Document) -> None:
     finite, linear = document["finite"]["solved"], document["linear"]["solved"]
     linear = {**linear, "notes": [note for note in linear["notes"] if not note.startswith(LARGE_STRAIN)]}  # seen below
     tables.say(out, *tables.warnings(finite, linear))
-    tables.show_comparison(out, rows, balls, leading, session.scale)
+    path = comparison_rows(rows, balls, leading, session.scale)
+    tables.show(out, f"ball {leading}: finite against small strain", path, session.scale, tables.COMPARED)
     of_balls = compared_ball_rows(rows, session.scale)
     are_vectors = may_turn(of_balls)
     if are_vectors:

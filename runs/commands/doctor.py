@@ -155,13 +155,8 @@ def probe(python: str, names: Sequence[str]) -> Report:
         return Report("", dict.fromkeys(names, failure))
 
 
-def sudo() -> str:
-    """Return the prefix of a command that needs root."""
-    return "" if os.geteuid() == 0 else "sudo "
-
-
 def _install(package: str) -> str:
-    return f"{sudo()}apt-get install --no-install-recommends {package}"
+    return f"{'' if os.geteuid() == 0 else 'sudo '}apt-get install --no-install-recommends {package}"
 
 
 def _python(python: str, report: Report) -> Finding:

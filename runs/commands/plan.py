@@ -5,6 +5,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from linear_bem.depth import MEANINGLESS
@@ -35,20 +36,23 @@ PART, SHORTEST, LONGEST = 0.25, 2.0, 5.0
 def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool = True) -> None:
     """Print the plan of ``solve``, and of ``compare`` if the scene supports it; without advice it takes less time."""
     model, problem, notes = choose(standing(scene), asked)
-    _require_drift(scene, model, problem)
+    drifts = scene.reciprocation is not None
+    if drifts:
+        from runs.evolution.evolving import require_drift  # noqa: PLC0415  (only for a scene whose balls drift)
+
+        require_drift(scene, model, problem)
     if not ranks.is_root():
         return
-    begun, drifts = time.process_time(), scene.reciprocation is not None
-    asked_of = scene.tangential_force
-    whole, accuracy = problem, accuracy_beside(asked_of) if model.plan else asked_of
+    begun, whole, accuracy = time.process_time(), problem, scene.tangential_force
     if drifts:  # full solutions only check the forces of the drift
-        accuracy = scene.tangential_force or ROUGH
+        accuracy = accuracy or ROUGH
         if "periodic" in scene.drift:
             cell = Periodic(scene.drift["periodic"].lengths)
             whole = dataclasses.replace(problem, periodic=cell, finite_strain=None)
+    elif model.plan:
+        accuracy = accuracy_beside(accuracy)
     with waiting("the linear model on some of the balls, for this plan"):
-        found = ahead_of(whole, accuracy)
-    part, seen, ahead, seconds = found.part, found.seen, found.result, found.seconds
+        part, seen, ahead, seconds = ahead_of(whole, accuracy)
     plans, evolution = [{"model": model.name, "summary": model.summary}], None
     if drifts:
         from runs.evolution.expectation import expectation  # noqa: PLC0415  (only where balls drift)
@@ -61,8 +65,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool 
     scale = Scale.of(problem, scene.data)
     if part.size < problem.size:
         notes = (*notes, f"the expected values are those of the {part.size} balls about the middle alone")
-    advice: list[Advice] = []
-    inputs = None
+    advice, inputs = list[Advice](), None
     leading = seen[leading_ball([ball.to_dict() for ball in ahead.balls])]
     if advises:
         advice, inputs, more = _advice(scene, problem, part, ahead, leading, _patience(problem, seconds, begun))
@@ -117,14 +120,6 @@ def _advice(
     return advice, inputs, notes
 
 
-def _require_drift(scene: Scene, model: Model, problem: Problem) -> None:
-    """Raise the errors of ``evolve`` for a scene whose balls drift."""
-    if scene.reciprocation is not None:
-        from runs.evolution.evolving import require_drift  # noqa: PLC0415  (only for a scene whose balls drift)
-
-        require_drift(scene, model, problem)
-
-
 def _patience(problem: Problem, expected: float, begun: float) -> float:
     """Return the time [s] that the advice may take: for many balls, the share `PART` of the run's less the time so far.
 
@@ -155,8 +150,7 @@ def _model_plan(
 ) -> dict[str, Any]:
     """Return the plan of a model; a linear one takes the time ``expected`` [s] per state, beside others or alone."""
     if model.plan is not None:
-        found = model.plan(problem, scene.tangential_force, scene.budget, scene.steps or (1.0,))
-        details = as_command(found)
+        details = as_command(model.plan(problem, scene.tangential_force, scene.budget, scene.steps or (1.0,)))
     else:
         details = {
             "symmetries": [],
@@ -194,13 +188,9 @@ def _doubts(problem: Problem) -> list[str]:
 
 def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
     out = tables.console()
-
-    def say(text: str, style: str = "") -> None:
-        out.print(text, style=style, highlight=False, markup=False)
-
-    say(document["title"], "bold")
-    for warning in [*document["warnings"], *tables.warnings(document)]:
-        say(warning)
+    say = partial(tables.say, out)
+    say(document["title"], style="bold")
+    say(*document["warnings"], *tables.warnings(document))
     load = scene.problem.load
     unit = scale.units.length if load.kind == "approach" else scale.units.force
     known = list(dict.fromkeys(load.values))
@@ -208,18 +198,13 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
     say(f"{scene.problem.size} ball(s), prescribed: {load.kind.replace('_', ' ')} {values}")
     say(f"shape: {document['bodies']}")
     say(scale.legend())
-    say("simulated:")
-    for effect in document["effects_present"]:
-        say(f"  [{effect}] {EFFECTS[effect].words}")
-    if not document["effects_present"]:
-        say("  optional effects: none")
+    present = [f"  [{e}] {EFFECTS[e].words}" for e in document["effects_present"]]
+    say("simulated:", *(present or ["  optional effects: none"]))
     say("not simulated:")
-    for effect in document["effects_absent"]:
-        say(f"  [{effect}] {EFFECTS[effect].words}: {EFFECTS[effect].without}")
-    for note in tables.notes(document):
-        say(f"  {note}")
+    say(*(f"  [{e}] {EFFECTS[e].words}: {EFFECTS[e].without}" for e in document["effects_absent"]))
+    say(*(f"  {note}" for note in tables.notes(document)))
     for model in document["models"]:
-        say(f"{model['model']}: {model['summary']}", "bold")
+        say(f"{model['model']}: {model['summary']}", style="bold")
         for key, value in model.items():
             if key == "domain":
                 say(f"  {domain(value, scale.units.length)}")
@@ -232,7 +217,7 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
         memories = {key: memory_words(value) for key, value in evolution.items() if "memory_bytes" in key}
         say(sentence(evolution, document["models"][0]["model"], memories))
     whose = f", on ball {document['leading_ball']}" if scene.problem.size > 1 else ""
-    say(f"expected by the linear model{whose}:", "bold")
+    say(f"expected by the linear model{whose}:", style="bold")
     _look_ahead(say, document["linear_estimate"], scale, scene)
     _advise(say, document["advice"], scene.tangential_force)
     found = document["sensitivity"]
@@ -273,9 +258,7 @@ def _advise(say: Callable[..., None], advice: Sequence[Mapping[str, Any]], accur
         say(
             f"changes of the scene, and whether they change T by more than the {asked} {limit} (finite strain by a "
             "fit, all else by the linear model):",
-            "bold",
+            style="bold",
         )
     for matters, heading in headings.items():
-        for item in advice:
-            if item["matters"] is matters:
-                say(f"  {heading}: {item['text']}")
+        say(*(f"  {heading}: {item['text']}" for item in advice if item["matters"] is matters))

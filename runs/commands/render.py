@@ -108,10 +108,10 @@ class _Shown:
         factor, metre = prefixed("m", deepest.approach, step.dimensionless)
         own = "" if step.dimensionless else f"{number(factor * deepest.approach)} {metre} = "
         caption = f"step {step.number}:  D = {own}{over}"
-        legend = sheet.Legend(
-            self.coloring, self.limits, step.units[self.options.field], seen, caption, step.dimensionless
+        unit = step.units[self.options.field]
+        return sheet.compose(
+            picture, seen, self.coloring, self.limits, unit, caption, size, dimensionless=step.dimensionless
         )
-        return sheet.compose(picture, legend, size)
 
 
 def _animate(shown: _Shown, files: Sequence[Path], numbers: Sequence[int], out: Path) -> list[Path]:

@@ -5,7 +5,7 @@ from typing import Any
 from linear_bem.result import Result, Step
 from runs.display import figures, tables
 from runs.display.numbers import bodies, leading_ball
-from runs.display.rows import legend_of_balls
+from runs.display.rows import legend_of_balls, path_rows
 from runs.process.json_values import Document, as_given
 from runs.scene.scene_file import Scene
 from runs.session.session import Options, Session, conduct
@@ -57,7 +57,8 @@ def _show(session: Session, document: Document) -> None:
     tables.show_balls(out, balls, session.scale, f"{session.scene.title}: {document['model']}", periodic=periodic)
     tables.say(out, f"shape: {bodies(session.problem, session.scale)}", session.scale.legend())
     if len(steps) > 1:
-        tables.show_path(out, steps, leading_ball(balls), session.scale)
+        leading = leading_ball(balls)
+        tables.show(out, f"load path of ball {leading}", path_rows(steps, leading, session.scale), session.scale)
     if not periodic:
         tables.say(out, *legend_of_balls(balls, session.scale))
     tables.say(

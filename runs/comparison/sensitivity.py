@@ -14,6 +14,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 from linear_bem.errors import InvalidProblem, ThirdBodyError, UnsupportedProblem
@@ -120,22 +121,19 @@ def _exponent(problem: Problem, change: Change, relative: Callable[[Problem], fl
 
 def _inputs(problem: Problem) -> dict[str, Change]:
     """Return, for each input of a problem, the function that multiplies it by a factor."""
-    inputs: dict[str, Change] = {"E1": _constant("layer", "young"), "R": _radius, "L": _distance}
+    inputs: dict[str, Change] = {"E1": partial(_constant, "layer", "young"), "R": _radius, "L": _distance}
     if math.isfinite(problem.layer.thickness):
-        inputs["h"] = _constant("layer", "thickness")
+        inputs["h"] = partial(_constant, "layer", "thickness")
     if problem.substrate is not None:
-        inputs["E2"] = _constant("substrate", "young")
+        inputs["E2"] = partial(_constant, "substrate", "young")
     inputs["D" if problem.load.kind == "approach" else "Q"] = _load
     return {symbol: inputs[symbol] for symbol in WORDS if symbol in inputs}
 
 
-def _constant(part: str, key: str) -> Change:
-    def change(problem: Problem, factor: float) -> Problem:
-        solid: Any = getattr(problem, part)
-        changed: dict[str, Any] = {part: dataclasses.replace(solid, **{key: factor * getattr(solid, key)})}
-        return dataclasses.replace(problem, **changed)
-
-    return change
+def _constant(part: str, key: str, problem: Problem, factor: float) -> Problem:
+    solid: Any = getattr(problem, part)
+    changed: dict[str, Any] = {part: dataclasses.replace(solid, **{key: factor * getattr(solid, key)})}
+    return dataclasses.replace(problem, **changed)
 
 
 def _load(problem: Problem, factor: float) -> Problem:
@@ -206,21 +204,18 @@ def _row(name: str, value: str, step: str, slope: float, unit: str, known: float
 
 
 def _value(symbol: str, problem: Problem, scale: Scale) -> str:
-    length, force, pressure = scale.units.length, scale.units.force, scale.units.pressure
-    if symbol == "R":
-        return ", ".join(length(value) for value in list(dict.fromkeys(ball.radius for ball in problem.balls))[:3])
-    if symbol == "L":
-        places = [ball.position for ball in problem.balls]
-        nearest = min(math.dist(a, b) for i, a in enumerate(places) for b in places[:i])
-        return length(nearest)
-    if symbol == "E2":
-        return pressure(problem.substrate.young) if problem.substrate is not None else "-"
-    if symbol in "DQ":
-        unit = length if symbol == "D" else force
-        return ", ".join(unit(value) for value in list(dict.fromkeys(problem.load.values))[:3])
-    return {
-        "h": length(problem.layer.thickness), "E1": pressure(problem.layer.young),
-    }[symbol]  # fmt: skip
+    units, layer, substrate = scale.units, problem.layer, problem.substrate
+    places = [ball.position for ball in problem.balls]
+    unit, values = {
+        "h": (units.length, [layer.thickness]),
+        "R": (units.length, [ball.radius for ball in problem.balls]),
+        "L": (units.length, [min(math.dist(a, b) for i, a in enumerate(places) for b in places[:i])]),
+        "E1": (units.pressure, [layer.young]),
+        "E2": (units.pressure, [] if substrate is None else [substrate.young]),
+        "D": (units.length, problem.load.values),
+        "Q": (units.force, problem.load.values),
+    }[symbol]
+    return ", ".join(unit(value) for value in list(dict.fromkeys(values))[:3])
 
 
 def ratio(found: Mapping[str, Any], comparison: Sequence[Mapping[str, Any]], kind: str) -> float | None:

@@ -42,29 +42,28 @@ def draw_comparison(
     figure = blank(9.6, 4.0)
     forces, factors = figure.subplots(1, 2)
     unit = scale.units.force.size
-    load = np.array([row["normal_force"] for row in path]) / unit
+    load = _column(path, "normal_force") / unit
     for model, label, color, marker in (
         ("linear", "linear (small strain)", LINEAR, "s"), ("finite", "finite strain", FINITE, "o"),
     ):  # fmt: skip
-        force = [attraction(balls, ball, _vector(row[f"tangential_{model}"])) / unit for row in path]
-        error = [_float(row[f"tangential_{model}_error"]) / unit for row in path]
+        force = [attraction(balls, ball, vector) / unit for vector in _column(path, f"tangential_{model}")]
+        error = _column(path, f"tangential_{model}_error") / unit
         forces.errorbar(load, force, error, color=color, marker=marker, label=label, **BARS)
     _label_forces(forces, scale)
     length = scale.units.length
-    depth = np.array([row["approach"] for row in path]) / length.size
+    depth = _column(path, "approach") / length.size
     beside = 0.006 * depth.max()  # the two curves often coincide: separate their error bars
     for key, color, marker, label in (
         ("force", FINITE, "o", "$S_Q$: at equal normal force"),
         ("approach", APPROACH, "^", "$S_D$: at equal approach"),
     ):
-        ratio = [_float(row[f"strengthening_at_{key}"]) for row in path]
-        error = [_float(row[f"strengthening_at_{key}_error"]) for row in path]
+        ratio, error = (_column(path, f"strengthening_at_{key}{part}") for part in ("", "_error"))
         if not np.any(np.isfinite(ratio)):
             continue  # one ball, or no tangential force above its error
         at, line = depth + (beside if key == "approach" else 0.0), "none" if between else "-"
         factors.errorbar(at, ratio, error, color=color, marker=marker, ls=line, label=label, **BARS)
-        x = [row["approach"] / length.size for row in between]
-        factors.plot(x, [row[f"strengthening_at_{key}"] for row in between], color=color, lw=1.0)
+        x, y = _column(between, "approach") / length.size, _column(between, f"strengthening_at_{key}")
+        factors.plot(x, y, color=color, lw=1.0)
     factors.axhline(1.0, color="0.5", lw=0.8, zorder=0)
     factors.set_xlabel(f"{length.heading('approach $D$')} ($S_D$ is drawn a little to the right)")
     factors.set_ylabel("T finite / T linear")
@@ -86,8 +85,7 @@ def draw_path(folder: Path, steps: Sequence[Mapping[str, Any]], scale: Scale, mo
     forces = figure.subplots()
     unit = scale.units.force.size
     force = [attraction(steps[-1]["balls"], ball, state["tangential_force"]) / unit for state in states]
-    error = [_float(state["tangential_force_error"]) / unit for state in states]
-    load = [state["normal_force"] / unit for state in states]
+    error, load = (_column(states, key) / unit for key in ("tangential_force_error", "normal_force"))
     forces.errorbar(load, force, error, color=FINITE, marker="o", label=NAMES.get(model, model), **BARS)
     _label_forces(forces, scale)
     save_figure(figure, folder, "tangential_force")
@@ -262,9 +260,6 @@ def _label_forces(axes: Any, scale: Scale) -> None:
     axes.legend()
 
 
-def _vector(value: Any) -> tuple[float, float]:
-    return (math.nan, math.nan) if value is None else (_float(value[0]), _float(value[1]))
-
-
-def _float(value: float | None) -> float:
-    return math.nan if value is None else float(value)
+def _column(rows: Sequence[Mapping[str, Any]], key: str) -> Array:
+    """Return the numbers or vectors with a key, nan for None."""
+    return np.array([row[key] for row in rows], dtype=float)

@@ -15,7 +15,7 @@ from rich.text import Text
 from linear_bem.counts import grouped
 from linear_bem.depth import LARGE_STRAIN
 from runs.display.numbers import Scale, error_terms, number, short_number, with_error, with_error_in_parentheses
-from runs.display.rows import OVER_E, OVER_R, Row, ball_rows, comparison_rows, path_rows
+from runs.display.rows import OVER_E, OVER_R, Row, ball_rows
 from runs.process import ranks
 from runs.scene.unit_doubts import NO_UNIT, SOFT
 
@@ -26,6 +26,7 @@ SHORT = 0
 DIGITS = {"Tx": 5, "Ty": 5, "±": 2, "T / Q": 3, "|T| / Q": 3, "peak p": 3}
 """Significant digits of a column, keyed by the first symbol of its heading; 4 for others."""
 COMPARED = DIGITS | {"T / Q": SHORT}
+"""The same in a comparison of both models."""
 MANY, SHOWN = 100, 20
 """Number of balls above which a table shows only some of them, and how many it then shows."""
 LARGEST_T = "the largest tangential force"
@@ -85,20 +86,7 @@ def show_balls(
         largest = sorted(range(len(balls)), key=lambda i: -math.hypot(*balls[i]["tangential_force"]))[:SHOWN]
         rows = [rows[i] for i in largest]
         title += f": the {SHOWN} largest T of {len(balls)} balls, descending; steps.csv and result.json have all"
-    _show(out, title, rows, DIGITS, scale)
-
-
-def show_path(out: Console, steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale) -> None:
-    """Print the load path of one ball."""
-    _show(out, f"load path of ball {ball}", path_rows(steps, ball, scale), DIGITS, scale)
-
-
-def show_comparison(
-    out: Console, compared: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]], ball: int, scale: Scale
-) -> None:
-    """Print the load path of one ball in both models, with the strengthening factors of T."""
-    rows = comparison_rows(compared, balls, ball, scale)
-    _show(out, f"ball {ball}: finite against small strain", rows, COMPARED, scale)
+    show(out, title, rows, scale)
 
 
 def show_compared_balls(out: Console, rows: Sequence[Row], scale: Scale) -> None:
@@ -108,10 +96,11 @@ def show_compared_balls(out: Console, rows: Sequence[Row], scale: Scale) -> None
         finite = scale.units.force.heading("|T| finite")
         rows = sorted(rows, key=lambda row: -row[finite][0])[:SHOWN]
         title = f"the {SHOWN} balls with the largest T at full load, at equal normal force; steps.csv has T on all"
-    _show(out, title, rows, COMPARED, scale)
+    show(out, title, rows, scale, COMPARED)
 
 
-def _show(out: Console, title: str, rows: Sequence[Row], digits: Mapping[str, int], scale: Scale) -> None:
+def show(out: Console, title: str, rows: Sequence[Row], scale: Scale, digits: Mapping[str, int] = DIGITS) -> None:
+    """Print rows of numbers under their headings, with ``digits`` by the first symbol of the heading."""
     compact = is_narrow(out)
     if compact and not scale.dimensionless:
         rows = [{key: value for key, value in row.items() if key not in (OVER_R, OVER_E)} for row in rows]
@@ -157,8 +146,6 @@ def error_lines(balls: Sequence[Mapping[str, Any]]) -> list[str]:
         for key, words in names.items()
         if all(key in ball.get("errors", {}) for ball in balls)
     }
-    if not shares:
-        return []
     # below 1e-7 % an estimate is roundoff: such a quantity is prescribed
     known = ", ".join(f"{words} {100.0 * share:.2g} %" for words, share in shares.items() if share > 1e-9)
     return [f"estimated errors: {known}"] if known else []

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from runs.evolution import outcome
+from runs.evolution import equilibria, outcome
 from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.pair_forces import PairForces
@@ -21,24 +21,24 @@ def saved(earlier: Mapping[str, Any]) -> Document:
 
 
 def results(
-    session: Session, given: Provider, balls: HardBalls, moments: Sequence[Moment], tolerance: float, found: Document,
-    tell: Callable[[str], None], keep: Callable[[], None],
+    session: Session, source: Provider, balls: HardBalls, moments: Sequence[Moment], tolerance: float, found: Document,
+    save: Callable[[], None],
 ) -> Document:  # fmt: skip
-    """Return the results of a complete path; those in ``found`` are taken from there, new ones added and kept.
+    """Return the results of a complete path; those in ``found`` are taken from there, new ones added and saved.
 
-    ``tolerance`` [m] is that of the path; ``tell`` takes a line for each.
+    ``tolerance`` [m] is that of the path.
     """
-    forces, problem, sliding, model = given.forces, session.problem, session.scene.reciprocation, session.model.name
+    forces, problem, sliding, model = source.forces, session.problem, session.scene.reciprocation, session.model.name
     assert sliding is not None
     begin, end = moments[0].positions, moments[-1].positions
 
     def once(key: str, words: str, compute: Callable[[], Document]) -> None:
         if key in found:
-            tell(f"{words}: saved")
+            session.report(f"{words}: saved")
             return
-        tell(words)
+        session.report(words)
         found.update(compute())
-        keep()
+        save()
 
     def check() -> Document:
         accuracy = session.scene.tangential_force or DIRECT_ACCURACY
@@ -51,11 +51,11 @@ def results(
         return {"position_error": outcome.position_error(moments, forces, balls, begin, tolerance, sliding.rest)}
 
     def equilibrium() -> Document:
-        pairs = given.cheap and len(end) == 2
-        return {
-            "equilibrium": outcome.equilibrium(forces, balls, end, given.difference),
-            "pair_equilibria": outcome.pair_equilibria(forces, balls) if pairs else None,
-        }
+        of_pair: list[Document] | None = None
+        if source.cheap and len(end) == 2:
+            distances = equilibria.of_pair(forces, balls.smallest, outcome.FURTHEST * balls.smallest)
+            of_pair = [{"distance": distance, "verdict": verdict} for distance, verdict in distances]
+        return {"equilibrium": outcome.equilibrium(forces, balls, end, source.difference), "pair_equilibria": of_pair}
 
     if model != "finite_strain" and problem.size <= MEASURED:
         once("direct_check", "the full linear model at start and end of the path, for the error of T", check)
@@ -70,7 +70,7 @@ def results(
         "equilibrium": found.get("equilibrium"),
         "pair_equilibria": found.get("pair_equilibria"),
         "momentum": outcome.momentum(moments),
-        "pair_table": given.table,
+        "pair_table": source.table,
         "direct_check": found.get("direct_check"),
         "cut_error": forces.cut_error(begin) if isinstance(forces, PairForces) else None,
     }

@@ -98,17 +98,15 @@ def draw_distances(folder: Path, document: Document, balls: HardBalls) -> None:
     pairs = np.union1d(beside, np.array(touching, dtype=np.intp))
     each = len(pairs) <= CURVES
     places = [np.array(m["positions"]) for m in path]
-    if each:
-        distance = np.array([np.hypot(*balls.between(x, pairs).T) for x in places])
-    else:
-        distance = np.array([np.quantile(nearest_distances(x, None), (0.0, 0.25, 0.5, 0.75, 1.0)) for x in places])
     figure = blank(5.6, 3.8)
     axis = figure.subplots()
     if each:
+        distance = np.array([np.hypot(*balls.between(x, pairs).T) for x in places])
         colors = colormaps["viridis"](np.linspace(0.0, 0.88, len(pairs)))
         for (i, j), away, color in zip(balls.pairs(pairs), distance.T, colors, strict=True):
             axis.plot(cycle, 1e3 * away, color=color, label=f"{i} - {j}")
     else:
+        distance = np.array([np.quantile(nearest_distances(x, None), (0.0, 0.25, 0.5, 0.75, 1.0)) for x in places])
         axis.fill_between(
             cycle, *(1e3 * distance[:, [1, 3]].T), color=BLUE, alpha=0.25, lw=0.0, label="half of all balls"
         )

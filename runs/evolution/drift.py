@@ -80,14 +80,13 @@ class _Trial:
 
 
 class Drift:
-    """Balls under ``forces``; ``tolerance`` [m] bounds the error of one step; ``steps``: see `Moment`.
+    """Balls under ``forces``; ``tolerance`` [m] bounds the error of one step.
 
     ``rest``: all balls count as at rest once (T + pushes)/Q of every ball is at most this.
     """
 
     def __init__(self, forces: Forces, balls: HardBalls, tolerance: float, rest: float) -> None:
         self.forces, self.balls, self.tolerance, self.rest = forces, balls, tolerance, rest
-        self.steps = 0
 
     def path(
         self, start: Array, end: float, sigma: float = 0.0, step: float | None = None, spare: float = 0.0,
@@ -97,7 +96,7 @@ class Drift:
 
         The last step alone depends on ``end``, which may cut it short.
         """
-        x, state, self.steps = start, self.forces(start), steps
+        x, state = start, self.forces(start)
         while True:
             contacts = self.balls.touching(x, self.tolerance)
             opening = -np.maximum(self.balls.gaps(x, contacts), 0.0) / step if step else None
@@ -106,12 +105,12 @@ class Drift:
             if step is None:
                 step = 0.02 * self._longest(speed)
             resting = speed <= self.rest
-            moment = Moment(sigma, x, state, contacts, pushes, speed, step, spare, resting, self.steps)
+            moment = Moment(sigma, x, state, contacts, pushes, speed, step, spare, resting, steps)
             yield moment
             if resting or sigma >= AT_END * end:
                 return
             taken, x, state, step, spare = self._advance(moment, velocity, end)
-            self.steps += 1
+            steps += 1
             sigma += taken
 
     def _longest(self, speed: float) -> float:

@@ -125,7 +125,7 @@ def find(forces: Forces, balls: HardBalls, start: Array, difference: float = DIF
         # mutual forces have no resultant and no moment: those of a model are errors, which no motion can remove
         rigid = np.linalg.qr(rigid_motions(x))[0]
         force = state.tangential.ravel() - rigid @ (rigid.T @ state.tangential.ravel())
-        pushes = _pushes(jacobian, force)
+        pushes = np.linalg.lstsq(jacobian.T, -force, rcond=1e-10)[0]
         balance = force + pushes @ jacobian
         residual = float(np.max(np.abs(balance).reshape(x.shape) / resistances(state.normal)[:, None]))
         # forces that decay with distance fall below any bound without an equilibrium: Newton's steps must converge, too
@@ -211,12 +211,6 @@ def _holding(balls: HardBalls, x: Array, force: Array, load: Array) -> Pairs:
     return contacts[balls.admissible(x, force, load, contacts)[1] > 1e-9 * size]
 
 
-def _pushes(jacobian: Array, force: Array) -> Array:
-    if len(jacobian) == 0:
-        return np.zeros(0)
-    return np.asarray(np.linalg.lstsq(jacobian.T, -force, rcond=1e-10)[0])
-
-
 def _curvature(balls: HardBalls, x: Array, held: Pairs, pushes: Array) -> Array:
     """Return sum_c N_c d2g_c/dx2 [N/m]: a push turns with its pair."""
     out = np.zeros((x.size, x.size))
@@ -246,9 +240,7 @@ def _judged(
         growth = tuple(sorted((float(r) for r in np.real(rates)), reverse=True))
     largest = max((abs(g) for g in growth), default=0.0)
     worst = growth[0] if growth else -np.inf
-    verdict = "stable" if worst < -NEUTRAL * largest or not growth else "unstable"
-    if growth and abs(worst) <= NEUTRAL * largest:
-        verdict = "neutral"
+    verdict = "neutral" if abs(worst) <= NEUTRAL * largest else "stable" if worst < 0.0 else "unstable"
     return Equilibrium(x, held, pushes, residual, basis.shape[1], growth, verdict)
 
 

@@ -13,13 +13,14 @@ from linear_bem.arrays import Array
 from linear_bem.depth import dent, large_strain_note
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import Problem
+from linear_bem.result import Solved
 from linear_bem.touching import overlap_faults
 from runs.evolution import after_path, outcome, saved_path, showing, structure
 from runs.evolution.drift import AT_END, Drift, Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.layer_pictures import some
 from runs.evolution.providers import Provider, provider, require_forces
-from runs.evolution.record import Record, events, gathered_at, summary
+from runs.evolution.record import Record, events, summary
 from runs.models import Model, choose, standing
 from runs.process import ranks, signals
 from runs.process.files import write_csv
@@ -33,7 +34,7 @@ from runs.session.session import Options, Session, conduct
 
 FORMAT = 2
 """Format version of saved paths: raised when those of an older version must not be resumed or shown as current."""
-SAVED_EVERY, SAVING, TOLD_EVERY = 5.0, 10.0, 10.0
+SAVE_INTERVAL, SAVE_RATIO, PROGRESS_INTERVAL = 5.0, 10.0, 10.0
 """Interval [s] between saves of an unfinished path; least such interval over the duration of a save; interval [s]
 between progress lines."""
 TABLES = Path("out/pair-tables")
@@ -95,7 +96,7 @@ class Evolution:
         self.sliding = session.scene.reciprocation
         self.balls = balls_of(session.scene)
         self._arrangements: list[Document] = []
-        self._nominal = np.array([ball.position for ball in self.problem.balls], dtype=float)
+        self._nominal = self.problem.positions
         self.tolerance = self.sliding.tolerance * min(ball.radius for ball in self.problem.balls)
         self.end = self.sliding.end
 
@@ -104,13 +105,13 @@ class Evolution:
         session = self.session
         if session.root:
             session.say_doubts()
-        given = provider(
+        source = provider(
             session.model, self.problem, session.scene.tangential_force, self.sliding.forces, self.tables,
             session.comm, print_status, session.scene.budget, self.balls.cell,
         )  # fmt: skip
         if not session.root:
             return None
-        document, record = self._run(given)
+        document, record = self._run(source)
         session.save(document, rows(document))
         saved_path.drop_from(self._folder, len(record.moments))
         if pictures:
@@ -118,64 +119,63 @@ class Evolution:
         session.finish(document["solved"])
         return document
 
-    def _run(self, given: Provider) -> tuple[Document, Record]:
+    def _run(self, source: Provider) -> tuple[Document, Record]:
         """Return the finished document and the path; what an earlier run has saved is not computed again."""
-        began = time.process_time()
+        start_time = time.process_time()
         earlier = self.session.saved
-        before = float(earlier.get("solved", {}).get("seconds", 0.0))
-        usable_to = self._usable_to(earlier)
-        record = Record.from_dict(earlier, self.balls, self._folder, usable_to)
+        earlier_seconds = float(earlier.get("solved", {}).get("seconds", 0.0))
+        limit = self._limit_of_saved(earlier)
+        record = Record.from_dict(earlier, self.balls, self._folder, limit)
         complete = record.ended(self.end)
         found = after_path.saved(earlier) if complete else {}
-        members = {m["seed"]: m for m in earlier.get("ensemble", []) if usable_to == np.inf or _rests(m, usable_to)}
+        members = {
+            member["seed"]: member
+            for member in earlier.get("ensemble", [])
+            if limit == np.inf or (member["at_rest"] and member["sigma_end"] < limit)
+        }
         if earlier.get("path"):
-            self._tell(self._goes_on(record, complete=complete))
+            self.session.report(self._resume_message(record, complete=complete))
 
         def document(converged: bool) -> Document:
             known = [members[seed] for seed in sorted(members)]
-            seconds = before + time.process_time() - began
-            return self._document(record, known, given, converged, seconds) | found
+            seconds = earlier_seconds + time.process_time() - start_time
+            return self._document(record, known, source, converged, seconds) | found
 
-        def keep() -> None:
+        def save() -> None:
             unfinished = document(False)
             self.session.save(unfinished, rows(unfinished))
 
-        first = self.sliding.seed
         try:
-            self._follow(record, given, 0, keep, members)
-            members[first] = self._member(record, 0)
-            keep()
-            for number in range(1, self.sliding.ensemble):
-                if first + number in members:
+            for number in range(self.sliding.ensemble):
+                seed = self.sliding.seed + number
+                if number > 0 and seed in members:
                     continue
-                member = Record()
-                self._follow(member, given, number, lambda: None, members)
+                path = Record() if number > 0 else record
+                self._follow(path, source, number, (lambda: None) if number > 0 else save, members)
                 with signals.held():
-                    members[first + number] = self._member(member, number)
-                keep()
-            ends = after_path.results(
-                self.session, given, self.balls, record.moments, self.tolerance, found, self._tell, keep
-            )
+                    members[seed] = self._member(path, number)
+                save()
+            ends = after_path.results(self.session, source, self.balls, record.moments, self.tolerance, found, save)
             if self._is_layer:
                 write_csv(
                     self.session.out / "structure_factor.csv", structure.waves_of(some(record.moments), self.balls)
                 )
         except KeyboardInterrupt:
             if record.moments:
-                keep()
+                save()
             raise
         return document(True) | ends, record
 
-    def _usable_to(self, earlier: Mapping[str, Any]) -> float:
+    def _limit_of_saved(self, earlier: Mapping[str, Any]) -> float:
         """Return sigma [m] up to which the saved path can be used; infinity if it is for the same number of cycles.
 
         Else its last step is left out, because the number of cycles cuts that step short.
         """
-        given = earlier.get("scene", {}).get("reciprocation", {}).get("cycles", self.sliding.cycles)
-        was = earlier.get("cycles", given)  # older versions saved the scene alone
-        return np.inf if was == self.sliding.cycles else AT_END * self.end * min(1.0, was / self.sliding.cycles)
+        of_scene = earlier.get("scene", {}).get("reciprocation", {}).get("cycles", self.sliding.cycles)
+        cycles = earlier.get("cycles", of_scene)  # older versions saved the scene alone
+        return np.inf if cycles == self.sliding.cycles else AT_END * self.end * min(1.0, cycles / self.sliding.cycles)
 
-    def _goes_on(self, record: Record, *, complete: bool) -> str:
+    def _resume_message(self, record: Record, *, complete: bool) -> str:
         """Return a sentence on where a saved path continues."""
         if complete:
             cycle = self.sliding.cycles_after(record.moments[-1].sigma)
@@ -207,50 +207,44 @@ class Evolution:
 
     def _member(self, record: Record, number: int) -> Document:
         found = summary(record.moments, self.balls, self._nominal)
-        gathered = gathered_at(record.moments, self.balls)
+        one_group = next((m.sigma for m in record.moments if len(self.balls.groups(m.positions)) == 1), None)
         return {
             "seed": self.sliding.seed + number,
             "steps": record.steps,
             **found,
             "cycles_end": self.sliding.cycles_after(found["sigma_end"]),
-            "cycles_one_group": None if gathered is None else self.sliding.cycles_after(gathered),
+            "cycles_one_group": None if one_group is None else self.sliding.cycles_after(one_group),
         }
 
-    def _tell(self, words: str) -> None:
-        assert self.session.folder is not None
-        print_status(words)
-        self.session.folder.log(words)
-
     def _follow(
-        self, record: Record, given: Provider, number: int, keep: Callable[[], None], members: Mapping[int, Document]
+        self, record: Record, source: Provider, number: int, save: Callable[[], None], members: Mapping[int, Document]
     ) -> None:
-        """Compute the rest of the path of a member (0: the first), and call ``keep`` at intervals to save it."""
+        """Compute the rest of the path of a member (0: the first), and call ``save`` at intervals."""
         if record.ended(self.end):
             return
-        before = sum(m.get("steps", 0) for m in members.values())
-        drift = Drift(given.forces, self.balls, self.tolerance, self.sliding.rest)
-        goes_on = record.continuation
-        if goes_on is None:
+        steps_before = sum(m.get("steps", 0) for m in members.values())
+        drift = Drift(source.forces, self.balls, self.tolerance, self.sliding.rest)
+        restart = record.continuation
+        if restart is None:
             path = drift.path(start(self.balls, self._nominal, self.sliding, number), self.end)
         else:
-            path = drift.path(goes_on.positions, self.end, goes_on.sigma, goes_on.step, goes_on.spare, goes_on.steps)
-        written = told = time.monotonic()
-        saving = 0.0
+            path = drift.path(restart.positions, self.end, restart.sigma, restart.step, restart.spare, restart.steps)
+        saved = reported = time.monotonic()
+        duration = 0.0
         for moment in path:
             with signals.held():
                 record.take(moment, self.balls, last=moment.resting or moment.sigma >= AT_END * self.end)
             now = time.monotonic()
-            if now - written > max(SAVED_EVERY, SAVING * saving):
-                keep()
-                written = time.monotonic()
-                saving = written - now
-            if now - told > TOLD_EVERY:
-                told = now
+            if now - saved > max(SAVE_INTERVAL, SAVE_RATIO * duration):
+                save()
+                saved = time.monotonic()
+                duration = saved - now
+            if now - reported > PROGRESS_INTERVAL:
+                reported = now
                 member = f"member {number + 1} of {self.sliding.ensemble}: " if self.sliding.ensemble > 1 else ""
-                cycle, contacts = self.sliding.cycles_after(moment.sigma), len(moment.contacts)
-                self._tell(
-                    f"{member}cycle {cycle:.4g} of {self.sliding.cycles:g}, {before + moment.steps} steps, "
-                    f"{contacts} contacts, "
+                self.session.report(
+                    f"{member}cycle {self.sliding.cycles_after(moment.sigma):.4g} of {self.sliding.cycles:g}, "
+                    f"{steps_before + moment.steps} steps, {len(moment.contacts)} contacts, "
                     f"driving force of the fastest ball: {moment.speed:.1e} of its load (rest: {self.sliding.rest:.1e})"
                 )
 
@@ -263,15 +257,18 @@ class Evolution:
         return large_strain_note(layer, deepest, dent(substrate, layer.thickness, force, 0.0))
 
     def _document(
-        self, record: Record, members: list[Document], given: Provider, converged: bool, seconds: float
+        self, record: Record, members: list[Document], source: Provider, converged: bool, seconds: float
     ) -> Document:
         cycles, kept = self.sliding.cycles_after, record.to_dict(self.balls, self._folder)
         self._write_structure(record.moments)
-        notes = [*self.session.notes, *self._large_strain_notes(record), *given.notes, *filter(None, [record.damage])]
+        notes = [*self.session.notes, *self._large_strain_notes(record), *source.notes]
+        if record.damage:
+            notes.append(record.damage)
         if not converged:
             notes.append("unfinished: the path has not come to its end; the same command continues it")
-        happened = events(record.moments, self.balls)
         versions = {"python": platform.python_version(), "numpy": np.__version__, "scipy": scipy.__version__}
+        steps = record.steps + sum(m.get("steps", 0) for m in members if m["seed"] != self.sliding.seed)
+        size, processes = self.problem.size, ranks.rank_and_size()[1]
         return {
             "scene": as_given(self.session.scene.data),
             "model": self.session.model.name,
@@ -280,24 +277,10 @@ class Evolution:
             "cycles": self.sliding.cycles,
             "path": [{"cycle": cycles(moment["sigma"]), **moment} for moment in kept["path"]],
             "continuation": kept["continuation"],
-            "events": [{"cycle": cycles(e.sigma), "sigma": e.sigma, "pair": e.pair, "kind": e.kind} for e in happened],
+            "events": [{"cycle": cycles(e.sigma), **vars(e)} for e in events(record.moments, self.balls)],
             "ensemble": members,
-            "solved": {
-                "converged": converged,
-                "iterations": record.steps + sum(m.get("steps", 0) for m in members if m["seed"] != self.sliding.seed),
-                "unknowns": 2 * self.problem.size,
-                "seconds": seconds,
-                "ranks": ranks.rank_and_size()[1],
-                "versions": versions,
-                "notes": notes,
-                "certificate": {},
-            },
+            "solved": Solved(converged, steps, 2 * size, seconds, processes, versions, tuple(notes)).to_dict(),
         }
-
-
-def _rests(member: Mapping[str, Any], below: float) -> bool:
-    """Return whether a member of the ensemble comes to rest before sigma = ``below`` [m]."""
-    return bool(member["at_rest"]) and float(member["sigma_end"]) < below
 
 
 def rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -26,7 +26,7 @@ from runs.evolution.providers import (
     table_of,
 )
 from runs.look_ahead import MEMORY, measured
-from runs.models import COMMAND_SECONDS, MODELS, ONE, TWO, Model, as_command, planned_runs
+from runs.models import COMMAND_SECONDS, ONE, TWO, Model, as_command, planned_runs
 from runs.process.machine import slowness
 from runs.scene.scene_file import Scene
 
@@ -135,7 +135,7 @@ def _by_linear_model(missing: list[Problem], scene: Scene) -> float:
         return 0.0
     states = sum(len(DEPTHS) if each.size == 1 else each.size for each in missing)
     one = next((each for each in missing if each.size == 2), missing[-1])
-    result = measured(MODELS["linear_bem"], one, scene.tangential_force or PAIR_ACCURACY)
+    result = measured(one, scene.tangential_force or PAIR_ACCURACY)
     return result.solved.seconds * states / one.size
 
 
@@ -170,10 +170,10 @@ def _followed(scene: Scene, problem: Problem, forces: Forces) -> Followed:
     tolerance = sliding.tolerance * min(ball.radius for ball in problem.balls)
     drift = Drift(forces, balls, tolerance, sliding.rest)
     moments = drift.path(start(balls, problem.positions, sliding, 0), sliding.end)
-    next(moments)
+    moment = next(moments)
     begun, spent = time.process_time(), 0.0
     for moment in moments:
         spent = time.process_time() - begun
         if spent > PATIENCE and not moment.resting:
-            return Followed(drift.steps, spent, moment.sigma, ended=False)
-    return Followed(drift.steps, spent, sliding.end, ended=True)
+            return Followed(moment.steps, spent, moment.sigma, ended=False)
+    return Followed(moment.steps, spent, sliding.end, ended=True)

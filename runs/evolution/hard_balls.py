@@ -61,15 +61,14 @@ class HardBalls:
     @classmethod
     def of(cls, problem: Problem, cell: tuple[float, float] | None = None, rolling: float = 0.0) -> HardBalls:
         """Return the hard balls of ``problem``; raises `UnsupportedProblem` if no flat plate gives its approaches."""
-        levels = np.array([ball.radius for ball in problem.balls]), np.array(problem.load.values)
-        bottoms, tops = levels[1], levels[1] - 2.0 * levels[0]
-        if min(float(np.ptp(bottoms)), float(np.ptp(tops))) > 1e-9 * float(np.max(levels[0])):
+        radii, bottoms = np.array([ball.radius for ball in problem.balls]), np.array(problem.load.values)
+        if min(np.ptp(bottoms), np.ptp(bottoms - 2.0 * radii)) > 1e-9 * np.max(radii):
             raise UnsupportedProblem(
                 "load.approach: balls that drift under one flat plate have their lowest points on one level (equal "
                 f"approaches) or their tops (approach less diameter), got approaches from {np.min(bottoms):.9g} m to "
                 f"{np.max(bottoms):.9g} m; give one approach, or each ball's diameter less one length"
             )
-        return cls(levels[0], None if cell is None else np.array(cell), rolling)
+        return cls(radii, None if cell is None else np.array(cell), rolling)
 
     @property
     def smallest(self) -> float:
@@ -119,16 +118,12 @@ class HardBalls:
     def near(self, x: Array, gap: float) -> Pairs:
         """Return the numbers of the pairs with a gap of at most ``gap`` [m]."""
         count = len(self.radii)
-        if count <= FEW:
+        reach = 2.0 * float(np.max(self.radii)) + gap
+        if count <= FEW or (self.cell is not None and reach >= 0.5 * float(np.min(self.cell))):
             which = self.all
         else:
-            reach = 2.0 * float(np.max(self.radii)) + gap
-            if self.cell is not None and reach >= 0.5 * float(np.min(self.cell)):
-                which = self.all
-            else:
-                inside = x if self.cell is None else wrapped(x, self.cell)
-                found = cKDTree(inside, boxsize=self.cell).query_pairs(reach, output_type="ndarray")
-                which = np.sort(found.min(axis=1) * count + found.max(axis=1))
+            found = cKDTree(wrapped(x, self.cell), boxsize=self.cell).query_pairs(reach, output_type="ndarray")
+            which = np.sort(found.min(axis=1) * count + found.max(axis=1))
         return which[self.gaps(x, which) <= gap]
 
     def touching(self, x: Array, within: float = 0.0) -> Pairs:
@@ -184,14 +179,10 @@ class HardBalls:
         """Return the balls of each connected group; pairs with a gap of up to `CONNECTED` are connected."""
         which = self.near(x, CONNECTED * 2.0 * float(np.max(self.radii)))
         i, j = self.pairs(which[self.gaps(x, which) <= CONNECTED * self.distances(which)]).T
-        count = len(x)
-        number, label = connected_components(
-            coo_matrix((np.ones(len(i)), (i, j)), shape=(count, count)), directed=False
-        )
-        members: list[list[int]] = [[] for _ in range(number)]
-        for ball, group in enumerate(label):
-            members[group].append(ball)
-        return members
+        joined = coo_matrix((np.ones(len(i)), (i, j)), shape=(len(x), len(x)))
+        _, label = connected_components(joined, directed=False)
+        groups = np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label))[:-1])
+        return [group.tolist() for group in groups]
 
 
 def resistances(load: Array) -> Array:

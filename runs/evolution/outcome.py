@@ -121,13 +121,6 @@ def equilibrium(forces: Forces, balls: HardBalls, end: Array, difference: float)
     }
 
 
-def pair_equilibria(forces: Forces, balls: HardBalls) -> list[Document]:
-    """Return every distance [m] at which two balls rest, and whether it is stable."""
-    touch = balls.smallest
-    found = equilibria.of_pair(forces, touch, FURTHEST * touch)
-    return [{"distance": distance, "verdict": verdict} for distance, verdict in found]
-
-
 def direct_check(
     problem: Problem, hard: HardBalls, forces: Forces, moments: Sequence[Moment], accuracy: float
 ) -> tuple[list[Document], list[Document]]:

@@ -19,7 +19,6 @@ ratios are constant: T follows the linear decay.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator, CubicSpline
@@ -67,27 +66,23 @@ def _continued(curve: CubicSpline, nodes: Array, values: Array) -> tuple[Array, 
     return found, np.where(pressed, found * power / np.where(pressed, values, 1.0), 0.0)
 
 
-@dataclass(frozen=True)
-class Corrections:
-    """Influence and pull of a pair over the point-load law's, by their envelopes, at some distances [m]."""
-
-    distances: tuple[float, ...]
-    influence: tuple[float, ...]
-    pull: tuple[float, ...]
-
-
 class PairLaw:
-    """Influence k(L) [m/N] and pull c(L) [1/N]: the point-load law with or without corrections."""
+    """Influence k(L) [m/N] and pull c(L) [1/N]: the point-load law, ``corrected`` to given values if there are any.
 
-    def __init__(self, problem: Problem, corrections: Corrections | None = None) -> None:
+    ``corrected``: distances [m], and influence and pull there; the differences over `linear`'s envelopes are
+    interpolated.
+    """
+
+    def __init__(self, problem: Problem, corrected: tuple[Array, Array, Array] | None = None) -> None:
         self.kernel = LayeredKernel.of(problem)
         self._thickness = problem.layer.thickness
         self._curves = None
-        if corrections is not None:
-            nodes = np.log(corrections.distances)
-            self._ends = nodes[0], nodes[-1]
+        if corrected is not None:
+            distances, influence, pull = corrected
+            k, c, k_size, c_size = self.linear(distances)
+            self._nodes = np.log(distances)
             self._curves = tuple(
-                Akima1DInterpolator(nodes, np.array(v)) for v in (corrections.influence, corrections.pull)
+                Akima1DInterpolator(self._nodes, v) for v in ((influence - k) / k_size, (pull - c) / c_size)
             )
 
     def linear(self, distance: Array) -> tuple[Array, Array, Array, Array]:
@@ -107,7 +102,7 @@ class PairLaw:
             influence[near], pull[near] = self.kernel.displacement(at), -self.kernel.slope(at)
             return influence, pull
         k, c, k_size, c_size = self.linear(at)
-        place = np.clip(np.log(at), *self._ends)
+        place = np.clip(np.log(at), self._nodes[0], self._nodes[-1])
         influence[near] = k + k_size * self._curves[0](place)
         pull[near] = c + c_size * self._curves[1](place)
         return influence, pull

@@ -17,7 +17,6 @@ beyond the reach add exact zeros, in a fixed order: the sums do not depend on wh
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -126,28 +125,18 @@ class SparseAndMesh:
         return np.asarray(self.sparse @ values + self.mesh.potential(self.points, values))
 
 
-@dataclass(frozen=True)
 class Listed:
-    """Pairs of balls, each once: first and second ball, and the shift [m] of the second to its image.
+    """Pairs of ``count`` balls, each once: first and second ball, and the shift [m] of the second to its image.
 
     ``_columns``, ``_ends`` and ``_order`` are the pattern of a symmetric sparse matrix with an entry for each pair.
     """
 
-    first: Indices
-    second: Indices
-    shift: Array
-    count: int
-    _columns: Indices
-    _ends: Indices
-    _order: Indices
-
-    @classmethod
-    def of(cls, first: Indices, second: Indices, shift: Array, count: int) -> Listed:
-        """Return the pairs of ``count`` balls with the pattern of their matrix."""
+    def __init__(self, first: Indices, second: Indices, shift: Array, count: int) -> None:
+        self.first, self.second, self.shift, self.count = first, second, shift, count
         rows, columns = np.concatenate([first, second]), np.concatenate([second, first])
         order = np.argsort(rows, kind="stable")
-        ends = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))])
-        return cls(first, second, shift, count, columns[order], ends, order % max(len(first), 1))
+        self._columns, self._order = columns[order], order % max(len(first), 1)
+        self._ends = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))])
 
     def between(self, x: Array) -> Array:
         """Return the vectors [m] from the first to the second balls."""
@@ -178,7 +167,7 @@ class PairList:
     def __call__(self, x: Array) -> Listed:
         """Return a superset of the pairs within reach at positions ``x`` [m]."""
         if self._made is None or self._pairs is None or len(x) != len(self._made) or self._moved(x):
-            self._made, self._pairs = x.copy(), Listed.of(*self._list(x), len(x))
+            self._made, self._pairs = x.copy(), Listed(*self._list(x), len(x))
         return self._pairs
 
     def _moved(self, x: Array) -> bool:
@@ -189,25 +178,14 @@ class PairList:
         radius = self.reach + self._skin
         if self.cell is None:
             return self._open(x, radius)
-        cell = self.cell
-        inside = wrapped(x, cell)
-        home = x - inside
-        around = np.ceil(radius / cell).astype(int)
-        _refuse_more_than(float(len(x) ** 2 * np.pi * radius**2 / np.prod(cell) / 2.0))
-        shifts = np.array(list(product(*(range(-n, n + 1) for n in around))), dtype=float)
-        images = (inside[None, :, :] + cell * shifts[:, None, :]).reshape(-1, 2)
-        owners = np.tile(np.arange(len(x)), len(shifts))
-        of_shift = np.repeat(np.arange(len(shifts)), len(x))
-        close = np.all((images > -radius) & (images < cell + radius), axis=1)
-        images, owners, of_shift = images[close], owners[close], of_shift[close]
-        found = cKDTree(inside).sparse_distance_matrix(cKDTree(images), radius, output_type="ndarray")
-        first, image = found["i"], found["j"]
-        second, number = owners[image], of_shift[image]
-        # a ball and its own images: one of each opposite two
-        once = (first < second) | ((first == second) & (number > len(shifts) // 2))
-        order = np.lexsort((number[once], second[once], first[once]))
-        first, second, number = first[once][order], second[once][order], number[once][order]
-        return first, second, cell * shifts[number] - home[second] + home[first]
+        from linear_bem.layer.cell import Cell  # noqa: PLC0415  (only where balls repeat)
+
+        _refuse_more_than(float(len(x) ** 2 * np.pi * radius**2 / np.prod(self.cell) / 2.0))
+        first, second, shift = Cell(self.cell, 0.0).pairs(x, radius)
+        shift[first > second] *= -1.0
+        first, second = np.minimum(first, second), np.maximum(first, second)
+        order = np.lexsort((*shift.T[::-1], second, first))
+        return first[order], second[order], shift[order]
 
     def _open(self, x: Array, radius: float) -> tuple[Indices, Indices, Array]:
         count = len(x)

@@ -21,8 +21,8 @@ from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged, UnsupportedProblem
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import Result
-from runs.display.numbers import duration
-from runs.evolution.pair_forces import Corrections, PairForces, PairLaw, SingleBall
+from runs.display.numbers import count, duration
+from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
 from runs.process import ranks
 from runs.process.files import write_text
 from runs.process.json_values import Document, plain, to_json
@@ -178,7 +178,7 @@ class PairTable:
                 write_text(self.path, to_json(self.data))
                 # one ball alone is solved at all depths: its time says nothing about that of a pair
                 left = f", about {duration(seconds * self.missing)} left" if self.missing and states.pairs else ""
-                print_status(f"pair table: {words} ({seconds:.1f} s); {runs_left(self.missing)}{left}")
+                print_status(f"pair table: {words} ({seconds:.1f} s); {count(self.missing, 'run')} to go{left}")
 
         if states.single is None:
             states.single = self._single()
@@ -256,8 +256,7 @@ class PairTable:
         total = np.zeros(positions.shape)
         for i in range(len(positions)):
             for j in range(i):
-                force = pair(positions[[i, j]]).tangential
-                total[[i, j]] += force
+                total[[i, j]] += pair(positions[[i, j]]).tangential
         return total
 
     def single(self) -> SingleBall:
@@ -272,10 +271,7 @@ class PairTable:
         load = np.array([pair.normal_force for pair in pairs])
         pull = np.array([pair.tangential_force for pair in pairs]) / load**2
         influence = (self.approach - self.single().approach(load)) / load
-        k, c, k_size, c_size = PairLaw(self.problem).linear(distances)
-        return PairLaw(
-            self.problem, Corrections(tuple(distances), tuple((influence - k) / k_size), tuple((pull - c) / c_size))
-        )
+        return PairLaw(self.problem, (distances, influence, pull))
 
     def forces(self, cell: Array | None = None) -> PairForces:
         """Return the forces of the problem's balls at any positions, in a periodic ``cell`` [m] if there is one."""
@@ -284,11 +280,6 @@ class PairTable:
     def worst(self) -> Additivity:
         """Return the arrangement with the largest deviation of the forces from the model."""
         return max(self.states.additivity, key=lambda found: found.coupled)
-
-
-def runs_left(count: int) -> str:
-    """Return "1 run to go"."""
-    return f"{count} run{'' if count == 1 else 's'} to go"
 
 
 def _abreast(distance: float) -> Places:

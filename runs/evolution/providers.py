@@ -13,7 +13,7 @@ from runs.display.numbers import count, duration
 from runs.evolution.equilibria import DIFFERENCE
 from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
-from runs.evolution.pair_table import DEPTHS, PairTable, common_ball, runs_left
+from runs.evolution.pair_table import DEPTHS, PairTable, common_ball
 from runs.models import MODELS, Model, Run, planned_runs, time_on
 from runs.process import ranks
 from runs.process.json_values import Document
@@ -85,7 +85,7 @@ def provider(
     if ranks.is_root() and table.missing:
         cores = ranks.rank_and_size()[1]
         time = "" if planned is None else f", about {duration(time_on(cores, planned))} on {count(cores, 'idle core')}"
-        print_status(f"pair table {table.path}: {runs_left(table.missing)} by {model.name}{time}")
+        print_status(f"pair table {table.path}: {count(table.missing, 'run')} to go by {model.name}{time}")
     table.complete(print_status)
     worst, measured = table.worst(), model.name != "finite_strain" and problem.size <= MEASURED
     note = (

@@ -69,16 +69,16 @@ class Record:
         Of a path that was to end elsewhere, moments from sigma = ``below`` [m] on are left out.
         """
         kept = [moment for moment in document.get("path", []) if moment["sigma"] < below]
-        goes_on, moments, damage = document.get("continuation"), list[Moment](), ""
+        restart, moments, damage = document.get("continuation"), list[Moment](), ""
         try:
             for number, moment in enumerate(kept):
                 moments.append(_read(folder, number, moment["sigma"]) if balls.many else _from_dict(moment, balls))
         except OutputUnusable as error:
             damage = f"{error}: the path from there on was computed again"
-        if goes_on is not None and goes_on["sigma"] < below and not damage:
-            known = Continuation(**{**goes_on, "positions": np.array(goes_on["positions"])})
+        if restart is not None and restart["sigma"] < below and not damage:
+            known = Continuation(**{**restart, "positions": np.array(restart["positions"])})
             return cls(moments, known, len(moments))
-        if goes_on is None and len(moments) == len(document.get("path", [])):
+        if restart is None and len(moments) == len(document.get("path", [])):
             return cls(moments, None, len(moments))
         while moments and np.isnan(moments[-1].step):  # saved by an older version
             moments.pop()
@@ -86,14 +86,14 @@ class Record:
 
     def to_dict(self, balls: HardBalls, folder: Path) -> Document:
         """Return the JSON object that `from_dict` reads; moments of many balls are written to ``folder``."""
-        goes_on = self.continuation
+        restart = self.continuation
         if balls.many:
             for number in range(self.written, len(self.moments)):
                 saved_path.write(folder, number, self.moments[number])
             self.written = len(self.moments)
         return {
             "path": [in_brief(moment) if balls.many else to_dict(moment, balls) for moment in self.moments],
-            "continuation": None if goes_on is None else {**vars(goes_on), "positions": goes_on.positions.tolist()},
+            "continuation": None if restart is None else {**vars(restart), "positions": restart.positions.tolist()},
         }
 
     def ended(self, end: float) -> bool:
@@ -211,11 +211,6 @@ def starting_neighbours(x: Array, balls: HardBalls, share: float) -> Pairs:
         which = balls.all
     distances = balls.gaps(x, which) + balls.distances(which)
     return which[distances <= share * np.min(distances)]
-
-
-def gathered_at(moments: Sequence[Moment], balls: HardBalls) -> float | None:
-    """Return sigma [m] from which all balls are one group; None where they never are."""
-    return next((m.sigma for m in moments if len(balls.groups(m.positions)) == 1), None)
 
 
 def summary(moments: Sequence[Moment], balls: HardBalls, nominal: Array) -> Document:

@@ -27,7 +27,7 @@ EDGE = 1e-6
 
 def nearest_distances(x: Array, cell: Array | None) -> Array:
     """Return the distance [m] of every ball to the nearest other one."""
-    inside = x if cell is None else wrapped(x, cell)
+    inside = wrapped(x, cell)
     return np.asarray(cKDTree(inside, boxsize=cell).query(inside, k=2)[0][:, 1])
 
 

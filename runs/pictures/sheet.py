@@ -3,7 +3,6 @@
 import shutil
 import subprocess
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,25 +19,19 @@ _DPI = 200.0
 _FRAME_SECONDS, _LAST_SECONDS = 0.35, 2.0
 
 
-@dataclass(frozen=True)
-class Legend:
-    """Data for bars and caption of a sheet: coloring with limits and unit, width of the drawing [m], caption."""
-
-    coloring: Coloring
-    limits: tuple[float, float]
-    unit: str
-    width: float
-    caption: str
-    dimensionless: bool
-
-
 def drawing_size(size: tuple[int, int]) -> tuple[int, int]:
     """Return the size of the drawing on a sheet of the given size, in pixels."""
     return size[0], size[1] - round(_BAND * size[1])
 
 
-def compose(drawing: Image, legend: Legend, size: tuple[int, int]) -> Image:
-    """Return the sheet (height, width, 3) with the drawing, bars and caption."""
+def compose(
+    drawing: Image, seen: float, coloring: Coloring, limits: tuple[float, float], unit: str, caption: str,
+    size: tuple[int, int], *, dimensionless: bool,
+) -> Image:  # fmt: skip
+    """Return the sheet (height, width, 3) of ``size`` with the drawing, whose width is ``seen`` [m], bars and caption.
+
+    The colour bar has the ``limits`` in ``unit``.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415  (slow to load, no display needed)
     from matplotlib.cm import ScalarMappable  # noqa: PLC0415
     from matplotlib.colors import Normalize  # noqa: PLC0415
@@ -49,25 +42,25 @@ def compose(drawing: Image, legend: Legend, size: tuple[int, int]) -> Image:
     points = 11.0 * width / 1600.0
     figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI, facecolor="white")
     canvas = FigureCanvasAgg(figure)
-    factor, unit = prefixed(legend.unit, max(map(abs, legend.limits)), legend.dimensionless)
-    low, high = (factor * value for value in legend.limits)
+    factor, unit = prefixed(unit, max(map(abs, limits)), dimensionless)
+    low, high = (factor * value for value in limits)
     bar = figure.add_axes((0.27, 0.125, 0.34, 0.026))
-    mappable = ScalarMappable(Normalize(low, high), legend.coloring.color_map())
+    mappable = ScalarMappable(Normalize(low, high), coloring.color_map())
     colors = figure.colorbar(mappable, cax=bar, orientation="horizontal")
     colors.outline.set_linewidth(0.5)
     colors.ax.tick_params(labelsize=points, width=0.5, length=2.5)
     colors.locator = MaxNLocator(5)
     colors.update_ticks()
-    colors.set_label(f"{legend.coloring.words} / {unit}" if unit else legend.coloring.words, fontsize=points)
-    length = round_length(0.16 * legend.width)
-    scale, metre = prefixed("m", length, legend.dimensionless)
-    share = length / legend.width
+    colors.set_label(f"{coloring.words} / {unit}" if unit else coloring.words, fontsize=points)
+    length = round_length(0.16 * seen)
+    scale, metre = prefixed("m", length, dimensionless)
+    share = length / seen
     rule = figure.add_axes((0.06, 0.125, share, 0.026))
     rule.set_axis_off()
     rule.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
     rule.plot([0.0, 0.0, 1.0, 1.0], [1.0, 0.5, 0.5, 1.0], color="0.15", lw=1.2, clip_on=False)
     figure.text(0.06 + share / 2.0, 0.07, f"{scale * length:g} {metre}", fontsize=points, ha="center", color="0.15")
-    figure.text(0.94, 0.07, legend.caption, fontsize=points, ha="right", color="0.15", linespacing=1.5)
+    figure.text(0.94, 0.07, caption, fontsize=points, ha="right", color="0.15", linespacing=1.5)
     canvas.draw()
     sheet = np.array(canvas.buffer_rgba())[..., :3]
     sheet[: drawing.shape[0]] = drawing

@@ -144,8 +144,8 @@ class Units:
     def written(cls, data: Mapping[str, Any]) -> Units | None:
         """Return the first unit of each kind in the tables of a valid scene; None where it has no units."""
         found: dict[str, Unit] = {}
-        for text in _strings([data.get(table, {}) for table in ("layer", "balls", "load", "substrate")]):
-            match = NUMBER_AND_UNIT.fullmatch(text)
+        for value in items_of([data.get(table, {}) for table in ("layer", "balls", "load", "substrate")]):
+            match = NUMBER_AND_UNIT.fullmatch(value) if isinstance(value, str) else None
             if match is None or match["unit"] is None or UNIT.fullmatch(name := match["unit"].strip()) is None:
                 continue
             unit = _units().parse_units(name)
@@ -160,21 +160,12 @@ DIMENSIONLESS = Units(Unit("R", 1.0), Unit("E R²", 1.0), Unit("E", 1.0))
 
 
 def items_of(value: Any) -> Iterator[Any]:
-    """Yield the values in nested lists."""
-    if isinstance(value, list):
-        for item in value:
+    """Yield the values in nested tables and lists."""
+    if isinstance(value, Mapping | list):
+        for item in value.values() if isinstance(value, Mapping) else value:
             yield from items_of(item)
     else:
         yield value
-
-
-def _strings(value: Any) -> Iterator[str]:
-    """Yield the strings in nested tables and lists; the name of a shape is none with a unit."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, Mapping | list):
-        for item in value.values() if isinstance(value, Mapping) else value:
-            yield from _strings(item)
 
 
 def _dimension(unit: Any) -> str:

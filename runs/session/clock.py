@@ -32,10 +32,9 @@ class Clock:
         self._mesh += 1
         if self._expected and self._mesh >= len(self._expected):
             self._expected.append(self._expected[-1] * (unknowns / self._unknowns) ** GROWTH)
-        self._unknowns = unknowns
+        self._unknowns, self._share = unknowns, saved
         if saved > 0.0:
-            self._saved = sum(self._expected[: self._mesh]) + saved * sum(self._expected[self._mesh : self._mesh + 1])
-        self._share = saved
+            self._saved = self._work()
 
     def reached(self, share: float) -> None:
         """Note the completed share of the current mesh's work."""

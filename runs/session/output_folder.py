@@ -3,7 +3,7 @@
 import contextlib
 import shutil
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import IO, Any
 
@@ -35,13 +35,10 @@ class OutputFolder:
 
     ``identity`` describes the run (command, model, problem, accuracy). Raises `OutputUnusable` if the folder belongs to
     another run, holds other files, or cannot be written. ``stopped``: an earlier process of this run was killed.
-    ``free`` names a part of the identity and a key in it whose value may change: a finished run then goes on.
     """
 
-    def __init__(
-        self, path: Path, identity: Mapping[str, Any], scene_text: str, *, fresh: bool = False, free: Sequence[str] = ()
-    ) -> None:
-        self.path, self._free = path, free
+    def __init__(self, path: Path, identity: Mapping[str, Any], scene_text: str, *, fresh: bool = False) -> None:
+        self.path = path
         self.identity = plain(identity, infinity="inf")
         self._lock: IO[str] | None = None
         self.stopped = False
@@ -79,9 +76,9 @@ class OutputFolder:
             )
         if (mark is not None or damaged) and fresh:
             self._clear()
-        elif mark is not None and (fixed := self._fixed(mark.get("identity"))) != self._fixed(self.identity):
+        elif mark is not None and (fixed := _fixed(mark.get("identity"))) != _fixed(self.identity):
             raise OutputUnusable(
-                f"{self.path}: holds another run ({difference(fixed, self._fixed(self.identity))}); "
+                f"{self.path}: holds another run ({difference(fixed, _fixed(self.identity))}); "
                 "name another --out, or replace that run with --fresh"
             )
         state = self._state()
@@ -108,19 +105,12 @@ class OutputFolder:
     def _write_mark(self, state: str) -> None:
         write_text(self.path / MARK, to_json({"identity": self.identity, "state": state}))
 
-    def _fixed(self, identity: Any) -> Any:
-        """Return an identity without the key that may change."""
-        if not self._free or not isinstance(identity, dict) or self._free[0] not in identity:
-            return identity
-        part, key = self._free
-        return {**identity, part: {k: v for k, v in identity[part].items() if k != key}}
-
     def _state(self) -> str | None:
         mark = read_json(self.path / MARK)
         if mark is None:
             return None
-        goes_on = mark.get("state") == FINISHED and mark.get("identity") != self.identity
-        return INTERRUPTED if goes_on else mark.get("state")
+        prolonged = mark.get("state") == FINISHED and mark.get("identity") != self.identity
+        return INTERRUPTED if prolonged else mark.get("state")
 
     def saved(self) -> dict[str, Any] | None:
         """Return the document that an earlier run saved, complete or not."""
@@ -164,6 +154,13 @@ class OutputFolder:
 def ended(error: type[BaseException]) -> str:
     """Return `INTERRUPTED` or `FAILED`, depending on the error that ends a run."""
     return INTERRUPTED if signals.received() or error is KeyboardInterrupt else FAILED
+
+
+def _fixed(identity: Any) -> Any:
+    """Return an identity without the number of cycles of an evolution, which may change: a finished run continues."""
+    if not isinstance(identity, dict) or "reciprocation" not in identity:
+        return identity
+    return {**identity, "reciprocation": {k: v for k, v in identity["reciprocation"].items() if k != "cycles"}}
 
 
 def _flat(row: Mapping[str, Any]) -> dict[str, Any]:

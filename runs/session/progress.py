@@ -103,11 +103,10 @@ class Progress:
         if self.root:
             self.log(f"attempt: mesh {mesh}, fraction {_word(fraction)}, cuts {cuts}")
             before, self._cuts = self._cuts, cuts
-            where = f"{mesh} mesh: {100.0 * fraction:.0f} % of the load"
+            load = f"{100.0 * fraction:.0f} % of the load"
+            where = f"{mesh} mesh: {load}"
             if cuts > before:
-                self._print_status(
-                    f"the step did not converge: cut back to {100.0 * fraction:.0f} % of the load", where
-                )
+                self._print_status(f"the step did not converge: cut back to {load}", where)
             elif mesh != "main":
                 self._print_status(f"{where}   {self._times()}", where)
         if not self._steps:  # the path finder: the step that begins now ends there
@@ -171,12 +170,11 @@ class Progress:
         leading = leading_ball(balls)
         ball = balls[leading]
         share = f" ({100.0 * ball['approach'] / self.goal:.0f} %)" if self.goal else ""
-        number_of = step.record.get("step", "")
-        words = [f"step {number_of}".strip(), *([f"ball {leading}"] if self.scale.unlike or len(balls) > 2 else [])]
-        words += [
-            f"D = {self.scale.both(ball['approach'])}{share}",
-            f"Q = {self.scale.units.force(ball['normal_force'])}",
-        ]
+        words = [f"step {step.record.get('step', '')}".strip()]
+        if self.scale.unlike or len(balls) > 2:
+            words.append(f"ball {leading}")
+        words.append(f"D = {self.scale.both(ball['approach'])}{share}")
+        words.append(f"Q = {self.scale.units.force(ball['normal_force'])}")
         if len(balls) > 1:
             ratio = attraction(balls, leading, ball["tangential_force"]) / ball["normal_force"]
             words.append(f"T/Q = {number(ratio, 3)}")

@@ -73,9 +73,9 @@ class Session:
             finished = self.folder.finished()
             self.saved, self.complete = finished or self.folder.saved() or {}, bool(finished)
             if self.folder.stopped:
-                text = "this run was stopped before: killed, or its machine went down; it resumes from what is saved"
-                self.folder.log(text)
-                print_status(text)
+                self.report(
+                    "this run was stopped before: killed, or its machine went down; it resumes from what is saved"
+                )
             if not self.complete:
                 self.folder.log(f"{' '.join(sys.argv)}  on {ranks.rank_and_size()[1]} rank(s)\n{_versions()}")
         try:
@@ -109,9 +109,13 @@ class Session:
 
     def _open_folder(self, version: int | None) -> OutputFolder:
         scene, parallel = self.scene, self.model.parallel
+        if version is None and parallel:
+            from finite_strain import FORMAT  # noqa: PLC0415  (only where a scene calls for finite elements)
+
+            version = FORMAT
         identity: Document = {
             "command": self.command,
-            "format": _element_format() if version is None and parallel else version,
+            "format": version,
             "model": self.model.name,
             "problem": dataclasses.asdict(self.problem),
             "tangential_force": scene.tangential_force,
@@ -129,8 +133,7 @@ class Session:
             identity["steps"] = scene.steps
         name = f"{scene.path.stem}-{self.command}"
         default = Path("out") / (name if self.command == "compare" else f"{name}-{self.model.name}")
-        into, free = self.options.out or default, ("reciprocation", "cycles")
-        return OutputFolder(into, identity, scene.text, fresh=self.options.fresh, free=free)
+        return OutputFolder(self.options.out or default, identity, scene.text, fresh=self.options.fresh)
 
     def solve(self, saved: Sequence[Mapping[str, Any]], keep: Callable[[Result], object]) -> Result:
         """Run the model over its load path and return its result with the notes of this run.
@@ -147,7 +150,6 @@ class Session:
         goal = max(self.problem.load.values) if self.problem.load.kind == "approach" else None
         log = self.folder.log if self.folder is not None else lambda text: None
         ranks_here = ranks.rank_and_size()[1]
-        seconds = time_on(ranks_here, self.plan) if self.plan else 0.0
         both = (self.plan.get(f"{kind}seconds_of_meshes", ()) for kind in ("", "processor_"))
         of_meshes = [time_on(ranks_here, {"seconds": s, "processor_seconds": p}) for s, p in zip(*both, strict=True)]
         progress = Progress(
@@ -156,12 +158,11 @@ class Session:
             expected=of_meshes,
         )  # fmt: skip
         if self.root and self.plan:
-            size, time = f"about {grouped(self.plan['unknowns'])} unknowns", duration(seconds)
-            where = f"{self.model.name} on {ranks_here} rank(s)"
-            cores = count(ranks_here, "idle core")
-            time = f"{self.plan['load_steps']} load steps, the elements take {time}{' from the start' if steps else ''}"
+            size = f"about {grouped(self.plan['unknowns'])} unknowns, {self.plan['load_steps']} load steps"
+            where, cores = f"{self.model.name} on {ranks_here} rank(s)", count(ranks_here, "idle core")
+            time = f"{duration(time_on(ranks_here, self.plan))}{' from the start' if steps else ''}"
             self.say_doubts()
-            print_status(f"{where}: {size}, {time} on {cores}; into {self.out}")
+            print_status(f"{where}: {size}, the elements take {time} on {cores}; into {self.out}")
             least, most = sum(of_meshes[:2]), self.scene.budget.get("seconds", math.inf)
             if least > most:
                 print_status(
@@ -179,6 +180,12 @@ class Session:
             result = self.model.solve(self.problem, run)
         solved = dataclasses.replace(result.solved, notes=(*self.notes, *result.solved.notes))
         return dataclasses.replace(result, solved=solved)
+
+    def report(self, text: str) -> None:
+        """Print a line and add it to run.log (rank 0)."""
+        assert self.folder is not None
+        print_status(text)
+        self.folder.log(text)
 
     def say_doubts(self) -> None:
         """Print the doubts about the scene's units, before long work."""
@@ -292,9 +299,3 @@ def _versions() -> str:
         except importlib.metadata.PackageNotFoundError:
             found.append(f"{name} -")
     return ", ".join([*found, platform.platform()])
-
-
-def _element_format() -> int:
-    from finite_strain import FORMAT  # noqa: PLC0415  (only where a scene calls for finite elements)
-
-    return FORMAT

@@ -106,7 +106,7 @@ def drifted(count: int) -> tuple[list[Contact], dict[str, Any]]:
     seconds = time.process_time() - begun
     return list(kept), {
         "balls": count, "path": last.sigma * law.largest, "contacts at the end": len(last.contacts),
-        "steps": drift.steps, "seconds": seconds, "of them contacts [%]": 100.0 * spent / seconds,
+        "steps": last.steps, "seconds": seconds, "of them contacts [%]": 100.0 * spent / seconds,
     }  # fmt: skip
 
 

@@ -165,10 +165,10 @@ def test_a_killed_run_goes_on_to_the_same_result(
         return member(*given)
 
     with monkeypatch.context() as patch:
-        for interval in ("SAVED_EVERY", "SAVING", "TOLD_EVERY"):
+        for interval in ("SAVE_INTERVAL", "SAVE_RATIO", "PROGRESS_INTERVAL"):
             patch.setattr(evolving, interval, -1.0)
         if ends == "before it is saved":
-            patch.setattr(evolving, "SAVED_EVERY", 1e9)
+            patch.setattr(evolving, "SAVE_INTERVAL", 1e9)
         patch.setattr(signals, "check", dies)
         patch.setattr(evolving.Evolution, "_member", dies_soon)
         with pytest.raises(KeyboardInterrupt):
@@ -192,7 +192,7 @@ def test_a_killed_run_goes_on_to_the_same_result(
 
 SLOWLY = """
 from runs.evolution import evolving, showing
-evolving.SAVED_EVERY, evolving.TOLD_EVERY, showing.draw = 1e9, -1.0, lambda *given: None
+evolving.SAVE_INTERVAL, evolving.PROGRESS_INTERVAL, showing.draw = 1e9, -1.0, lambda *given: None
 from runs.cli import main
 main()
 """

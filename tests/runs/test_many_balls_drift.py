@@ -92,7 +92,7 @@ def test_a_killed_run_of_many_balls_goes_on_to_the_same_end(tmp_path: Path, monk
     assert "positions" not in whole["path"][0]
     assert whole["path"][-1]["contacts"] > 5  # more than nnls is left with
     with monkeypatch.context() as patch:
-        patch.setattr(evolving, "SAVED_EVERY", -1.0)
+        patch.setattr(evolving, "SAVE_INTERVAL", -1.0)
         patch.setattr(showing, "draw", lambda *given: None)
         patch.setattr(signals, "check", killed_after(12))
         with pytest.raises(KeyboardInterrupt):

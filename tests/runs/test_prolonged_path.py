@@ -123,7 +123,7 @@ def test_a_longer_run_that_is_killed_goes_on_too(
     evolved(tmp_path / "changed", 30.0, places, members)
 
     with monkeypatch.context() as patch:
-        for interval in ("SAVED_EVERY", "SAVING"):
+        for interval in ("SAVE_INTERVAL", "SAVE_RATIO"):
             patch.setattr(evolving, interval, -1.0)
         patch.setattr(signals, "check", killed_after(after))
         with pytest.raises(KeyboardInterrupt):
@@ -176,14 +176,13 @@ def test_a_moving_path_says_how_to_go_on(tmp_path: Path, capsys: pytest.CaptureF
     assert "still moving after 3 cycles, to go on raise [reciprocation] cycles and run the same command again" in said
 
 
-def test_a_finished_folder_whose_free_key_changes_is_unfinished(tmp_path: Path) -> None:
-    free = ("drift", "cycles")
-    first = OutputFolder(tmp_path, {"drift": {"cycles": 3, "seed": 1}}, "", free=free)
+def test_a_finished_folder_whose_cycles_change_is_unfinished(tmp_path: Path) -> None:
+    first = OutputFolder(tmp_path, {"reciprocation": {"cycles": 3, "seed": 1}}, "")
     first.save({"answer": 1}, [])
     first.finish()
     assert first.finished() is not None
     first.close()
-    again = OutputFolder(tmp_path, {"drift": {"cycles": 4, "seed": 1}}, "", free=free)
+    again = OutputFolder(tmp_path, {"reciprocation": {"cycles": 4, "seed": 1}}, "")
     assert again.finished() is None
     assert again.saved() == {"answer": 1}
     again.close()

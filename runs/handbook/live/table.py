@@ -18,7 +18,7 @@ D is tabulated as a fraction of the largest approach, the smaller of 0.5 R and 0
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from linear_bem import Ball, ContactSequence, Layer, LayeredKernel, Load, Problem, Solution, solve_contact
+from linear_bem import Ball, ContactSequence, Layer, LayeredKernel, Load, Problem, solve_contact
 from runs.handbook.live.chebyshev import Array, Axis, interpolate
 
 FILE = Path(__file__).with_name("table.json")
@@ -55,7 +55,9 @@ CHECKED = {
 largest approach."""
 MARGIN = 1.5
 SEQUENCE_ACCURACY, CHECK_ACCURACY = 1e-3, 1e-4
-"""Relative accuracy of T required of the solver for the table, and at the random points."""
+"""Relative accuracy of T required of the solver for the table, and for its errors."""
+Point = tuple[float, float, float, float]
+"""Poisson's ratio, thickness, distance and approach."""
 
 
 def deepest(thickness: float) -> float:
@@ -135,21 +137,29 @@ def reference(poisson: float, distance: float, normal: float) -> float:
     return normal**2 * (1.0 - poisson**2) / (math.pi * distance**2)
 
 
-def compute(say: Callable[[str], None] = print) -> LiveTable:
+def compute() -> LiveTable:
     """Return the table with its errors; parts that are complete are read from `CACHE`."""
     CACHE.mkdir(parents=True, exist_ok=True)
     fine = [[point_ratio(nu, reach) for reach in REACH.nodes()] for nu in FINE_POISSON.nodes()]
-    table = LiveTable({"point_ratio": _rounded(fine), "patches": [_patch(axis, say) for axis in THICKNESS]})
-    return with_errors(LiveTable({**_axes(), **table.data}), say)
+    table = LiveTable({"point_ratio": _rounded(fine), "patches": [_patch(axis) for axis in THICKNESS]})
+    return with_errors(LiveTable({**_axes(), **table.data}))
 
 
-def with_errors(table: LiveTable, say: Callable[[str], None] = print) -> LiveTable:
-    """Return the table with its differences from the solver."""
-    found = errors(table, RANDOM_POINTS, say)
-    return LiveTable({**table.data, "errors": found, "error_of_kind": errors_of_kinds(table, say)})
+def with_errors(table: LiveTable) -> LiveTable:
+    """Return the table with its differences from the solver at the random points and on the grid `CHECKED`."""
+    points = list(random_points(RANDOM_POINTS))
+    points += [(nu, h, apart, share * deepest(h)) for nu, h, apart, share in product(*CHECKED.values())]
+    off = []
+    with ProcessPoolExecutor() as pool:
+        for each in pool.map(partial(difference, table), points, chunksize=5):
+            off.append(each)
+            if len(off) % 200 == 0:
+                print(f"compared with the solver at {len(off)} of {len(points)} points")
+    found = errors(points[:RANDOM_POINTS], off[:RANDOM_POINTS])
+    return LiveTable({**table.data, "errors": found, "error_of_kind": errors_of_kinds(points, off)})
 
 
-def random_points(count: int, seed: int = SEED) -> Iterator[tuple[float, float, float, float]]:
+def random_points(count: int, seed: int = SEED) -> Iterator[Point]:
     """Yield (poisson, thickness, distance, approach) spread over the whole table, reproducibly.
 
     One eighth of the coordinates lie at the ends of their axes, where interpolation is least accurate.
@@ -163,13 +173,9 @@ def random_points(count: int, seed: int = SEED) -> Iterator[tuple[float, float, 
         yield POISSON.high * float(s[0]), thickness, distance, share * deepest(thickness)
 
 
-def errors(table: LiveTable, count: int, say: Callable[[str], None] = print) -> list[dict[str, Any]]:
-    """Return, for each part of the table, the differences from the solver at random points; see `difference`."""
-    found: tuple[list[Array], ...] = tuple([] for _ in THICKNESS)
-    for number, at in enumerate(random_points(count)):
-        found[int(at[1] > BREAK)].append(difference(table, *at))
-        if number % 20 == 19:
-            say(f"checked at {number + 1} of {count} random points")
+def errors(points: Sequence[Point], off: Sequence[Array]) -> list[dict[str, Any]]:
+    """Return the largest and the median of the differences ``off`` at ``points``, for each part of the table."""
+    parts = [np.array([each for at, each in zip(points, off, strict=True) if (at[1] > BREAK) == p]) for p in (0, 1)]
     names = ("tangential", "normal", "section")
     return [
         {
@@ -177,7 +183,7 @@ def errors(table: LiveTable, count: int, say: Callable[[str], None] = print) -> 
             "largest": dict(zip(names, _rounded(np.max(part, axis=0)), strict=True)),
             "median": dict(zip(names, _rounded(np.median(part, axis=0)), strict=True)),
         }
-        for part in found
+        for part in parts
     ]
 
 
@@ -187,43 +193,28 @@ def kind(poisson: float, thickness: float, distance: float, approach: float) -> 
     return 8 * int(thickness > BREAK) + 4 * int(poisson > 0.44) + 2 * int(distance < 2.2) + int(deep)
 
 
-def errors_of_kinds(table: LiveTable, say: Callable[[str], None] = print) -> list[list[float]]:
-    """Return the errors of T over T0 and of Q over Q of every `kind`, from the grid `CHECKED` and the random points."""
-    points = [(nu, h, apart, share * deepest(h)) for nu, h, apart, share in product(*CHECKED.values())]
-    points += random_points(RANDOM_POINTS)
+def errors_of_kinds(points: Sequence[Point], off: Sequence[Array]) -> list[list[float]]:
+    """Return the errors of T over T0 and of Q over Q of every `kind`, from the differences ``off`` at ``points``."""
     largest = np.zeros((16, 2))
-    with ProcessPoolExecutor() as pool:
-        found = pool.map(partial(force_difference, table), points, chunksize=5)
-        for number, (at, off) in enumerate(zip(points, found, strict=True)):
-            largest[kind(*at)] = np.maximum(largest[kind(*at)], off)
-            if number % 200 == 199:
-                say(f"compared with the solver at {number + 1} of {len(points)} points")
+    for at, each in zip(points, off, strict=True):
+        largest[kind(*at)] = np.maximum(largest[kind(*at)], each[:2])
     return list(_rounded(MARGIN * largest))
 
 
-def force_difference(table: LiveTable, at: tuple[float, float, float, float]) -> Array:
-    """Return the sizes of the differences from the solver at one point: T over T0, Q over Q."""
-    return _off(table, at, solve_contact(pair(*at), CHECK_ACCURACY))
-
-
-def _off(table: LiveTable, at: tuple[float, float, float, float], solution: Solution) -> Array:
-    ball, (normal, tangential) = solution.result().balls[0], table.pair_forces(*at)
-    unit = reference(at[0], at[2], ball.normal_force)
-    return np.abs([(tangential - ball.tangential_force[0]) / unit, normal / ball.normal_force - 1.0])
-
-
-def difference(table: LiveTable, poisson: float, thickness: float, distance: float, approach: float) -> Array:
+def difference(table: LiveTable, at: Point) -> Array:
     """Return the sizes of the differences from the solver at one point: T over T0, Q over Q, w over D."""
-    at = (poisson, thickness, distance, approach)
+    poisson, _, distance, approach = at
     solution = solve_contact(pair(*at), CHECK_ACCURACY)
+    ball, (normal, tangential) = solution.result().balls[0], table.pair_forces(*at)
+    unit = reference(poisson, distance, ball.normal_force)
     x = np.linspace(-0.5 * distance - 3.0, 0.5 * distance + 3.0, 61)
     section = table.section(*at)
     w = np.array([section(float(place)) for place in x])
-    off_section = np.max(np.abs(w - solution.displacement(x, np.zeros_like(x)))) / approach
-    return np.append(_off(table, at, solution), off_section)
+    of_section = np.max(np.abs(w - solution.displacement(x, np.zeros_like(x)))) / approach
+    return np.abs([(tangential - ball.tangential_force[0]) / unit, normal / ball.normal_force - 1.0, of_section])
 
 
-def _patch(thicknesses: Axis, say: Callable[[str], None]) -> dict[str, Any]:
+def _patch(thicknesses: Axis) -> dict[str, Any]:
     """Return the tables over (poisson, thickness, depth, ...) of one part."""
     shape = (POISSON.count, thicknesses.count, DEPTH.count)
     normal, remainder = np.empty((*shape, DISTANCE.count)), np.empty((*shape, DISTANCE.count))
@@ -235,7 +226,7 @@ def _patch(thicknesses: Axis, say: Callable[[str], None]) -> dict[str, Any]:
         normal[index], remainder[index] = found["normal"], found["remainder"]
         radius[index], around[index] = found["radius"], found["around"]
         if number % 10 == 9:
-            say(f"h = {thicknesses.low:.3g} to {thicknesses.high:.3g} R: {number + 1} of {len(indices)}")
+            print(f"h = {thicknesses.low:.3g} to {thicknesses.high:.3g} R: {number + 1} of {len(indices)}")
     tables = {"normal": normal, "remainder": remainder, "radius": radius, "around": around}
     return {name: _rounded(values) for name, values in tables.items()}
 
