@@ -40,8 +40,7 @@ def pressed(part: str, name: str, ball: Ball, layer: Layer, depth: float, **more
 
 
 def _ball(case: Case, found: Found) -> dict[str, Any]:
-    ball: dict[str, Any] = found.steps(case.name)[-1]["balls"][0]
-    return ball
+    return dict(found.steps(case.name)[-1]["balls"][0])
 
 
 def _forces(
