@@ -79,13 +79,12 @@ def measured(found: Found) -> list[dict[str, Any]]:
 
 
 def _asked(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return error and cost by requested accuracy, with the defaults marked."""
-    asked: list[dict[str, Any]] = []
-    for row in rows:
-        if row["parameter"] == "accuracy asked":
-            name = f"{row['model']}, {row['value']:g}" + (" (default)" if row["case"] in DEFAULTS else "")
-            asked.append({"asked of": name, "error": row[OWN], "estimate": row["estimate"], "seconds": row["seconds"]})
-    return asked
+    """Return the rows of the requested accuracies, with the defaults marked."""
+    return [
+        {**row, "asked of": f"{row['model']}, {row['value']:g}{' (default)' if row['case'] in DEFAULTS else ''}"}
+        for row in rows
+        if row["parameter"] == "accuracy asked"
+    ]
 
 
 def _changed(rows: Sequence[Mapping[str, Any]], usual: Mapping[str, Any]) -> list[dict[str, Any]]:
