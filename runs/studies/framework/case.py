@@ -16,7 +16,6 @@ from linear_bem.result import Result
 from runs.models import MODELS, Run
 
 FINITE, SMALL, LINEAR, POINT = "finite_strain", "small_strain", "linear_bem", "point_load"
-"""Names of the models."""
 
 
 @dataclass(frozen=True)
