@@ -23,9 +23,8 @@ from runs.studies import Options, read_shard
 from runs.studies.framework import study as studies
 from runs.studies.framework.case import varied
 from runs.studies.framework.pair import pair
-from runs.studies.framework.publishing import BEGIN, END, publish
-from runs.studies.strengthening.law_cases import law_cases
-from runs.studies.strengthening.matrix import cases
+from runs.studies.framework.study import BEGIN, END, publish
+from runs.studies.strengthening.matrix import cases, law_cases
 from tests.launch import STAND_IN, thirdbody
 
 Resumed = tuple[subprocess.CompletedProcess[str], Path]

@@ -9,7 +9,7 @@ from typing import Any
 from runs.display.numbers import with_error
 from runs.studies.framework.pair import THICK, THIN
 from runs.studies.strengthening import laws
-from runs.studies.strengthening.law_cases import law_cases
+from runs.studies.strengthening.matrix import law_cases
 
 
 def test_the_matrix_holds_every_law_on_both_layers_to_half_a_radius_and_foams() -> None:

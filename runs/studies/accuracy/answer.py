@@ -1,13 +1,14 @@
 """Errors and costs of all cases, the Pareto front, and the cheapest settings for a given error."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from runs.display.numbers import duration
 from runs.process.files import write_csv
 from runs.studies.accuracy.matrix import ALL_RANKS, LADDER, OWN, PARAMETERS, REFERENCES, TRUE, USUAL_CASE, cases
+from runs.studies.accuracy.picture import draw
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.saved_cases import DONE, Found
 from runs.studies.framework.template import render
@@ -26,8 +27,6 @@ def present(found: Found, folder: Path) -> str:
     rows = measured(found)
     if rows:
         write_csv(folder / "accuracy.csv", rows)
-        from runs.studies.accuracy.picture import draw  # noqa: PLC0415  (loads Matplotlib)
-
         draw(rows, folder)
     by_case = {row["case"]: row for row in rows}
     usual, one = by_case.get(USUAL_CASE), by_case.get(ON_ONE)
@@ -37,7 +36,7 @@ def present(found: Found, folder: Path) -> str:
         __file__, rows=rows, own=OWN, against=TRUE,
         approach=found.cases[0].problem.load.values[0],
         references=[r for model in ("finite_strain", "linear_bem") if (r := _reference(found, model)) is not None],
-        cheapest=[("T at finite strain", advice(rows, TRUE)), ("T of a given model", advice(rows, OWN))],
+        cheapest=[("T at finite strain", list(advice(rows, TRUE))), ("T of a given model", list(advice(rows, OWN)))],
         asked=_asked(rows),
         usual=usual, usual_error=usual and usual[OWN], changed=_changed(rows, usual) if usual else [], all_ranks=ranks,
         one_rank=one, change_by_ranks=_relative(ranks["force"], one["force"]) if ranks and one else None,
@@ -55,10 +54,8 @@ def measured(found: Found) -> list[dict[str, Any]]:
             continue
         record, force = found.records[case.name], _force(found, case.name)
         own = _force(found, REFERENCES[case.model])
-        ball, whole = (
-            found.steps(case.name)[-1]["balls"][0],
-            own or force,
-        )  # the errors, too, are over the reference's T
+        ball = found.steps(case.name)[-1]["balls"][0]
+        whole = own or force  # the errors, too, are over the reference's T
         rows.append(
             {
                 "case": case.name,
@@ -82,13 +79,12 @@ def measured(found: Found) -> list[dict[str, Any]]:
 
 
 def _asked(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return error and cost by requested accuracy, with the defaults marked."""
-    asked: list[dict[str, Any]] = []
-    for row in rows:
-        if row["parameter"] == "accuracy asked":
-            name = f"{row['model']}, {row['value']:g}" + (" (default)" if row["case"] in DEFAULTS else "")
-            asked.append({"asked of": name, "error": row[OWN], "estimate": row["estimate"], "seconds": row["seconds"]})
-    return asked
+    """Return the rows of the requested accuracies, with the defaults marked."""
+    return [
+        {**row, "asked of": f"{row['model']}, {row['value']:g}{' (default)' if row['case'] in DEFAULTS else ''}"}
+        for row in rows
+        if row["parameter"] == "accuracy asked"
+    ]
 
 
 def _changed(rows: Sequence[Mapping[str, Any]], usual: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -126,21 +122,19 @@ def _relative(force: float | None, reference: float | None) -> float | None:
 
 
 def _reference(found: Found, model: str) -> dict[str, Any] | None:
-    name = REFERENCES[model]
-    if found.state(name) != DONE:
+    force = _force(found, REFERENCES[model])
+    if force is None:
         return None
-    ball = found.steps(name)[-1]["balls"][0]
-    force, error = ball["tangential_force"][0], ball["tangential_force_error"]
+    error = found.steps(REFERENCES[model])[-1]["balls"][0]["tangential_force_error"]
     return {"model": model, "T / E1 R²": (force, error), "relative error": error / abs(force) if force else None}
 
 
-def advice(rows: Sequence[Mapping[str, Any]], column: str) -> list[dict[str, Any]]:
-    """Return the cheapest user settings for every wanted error.
+def advice(rows: Sequence[Mapping[str, Any]], column: str) -> Iterator[dict[str, Any]]:
+    """Yield the cheapest user settings for every wanted error.
 
     A case counts if its error, its own estimate and the reference's error are all below the wanted error: an error that
     is small by chance, or not resolved by the reference, does not count.
     """
-    answer = []
     usual = [row for row in rows if row["parameter"] in LADDER and row[column] is not None]
     models = dict.fromkeys(row["model"] for row in usual) if column == OWN else [None]
     for model in models:
@@ -155,8 +149,7 @@ def advice(rows: Sequence[Mapping[str, Any]], column: str) -> list[dict[str, Any
             if best is not None:
                 use = f"{best['model']}, {best['parameter']} {best['value']}".rstrip(", ")
                 row |= {"use": use, "error reached": best[column], "processor time": duration(best["seconds"])}
-            answer.append(row)
-    return answer
+            yield row
 
 
 def _relied_on(row: Mapping[str, Any], column: str) -> float:

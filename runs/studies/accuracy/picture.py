@@ -61,19 +61,18 @@ def draw(rows: Sequence[Mapping[str, Any]], folder: Path) -> None:
 
 
 def front(rows: Sequence[Mapping[str, Any]], column: str) -> list[Mapping[str, Any]]:
-    """Return the Pareto-optimal rows in error and time, cheapest first.
-
-    Errors are bounded below by the error of their reference.
-    """
-
-    def error(row: Mapping[str, Any]) -> float:
-        return float(max(row[column], row[f"{column}, known to"] or 0.0))
-
+    """Return the Pareto-optimal rows in resolved error and time, cheapest first."""
     best: list[Mapping[str, Any]] = []
-    for row in sorted((row for row in rows if row[column] is not None), key=lambda r: (r["seconds"], error(r))):
-        if not best or error(row) < error(best[-1]):
+    known = [row for row in rows if row[column] is not None]
+    for row in sorted(known, key=lambda row: (row["seconds"], _resolved(row, column))):
+        if not best or _resolved(row, column) < _resolved(best[-1], column):
             best.append(row)
     return best
+
+
+def _resolved(row: Mapping[str, Any], column: str) -> float:
+    """Return an error, no smaller than that of its reference."""
+    return float(max(row[column], row[f"{column}, known to"] or 0.0))
 
 
 def _points(axis: Any, rows: Sequence[Mapping[str, Any]], column: str, style: tuple[str, str, str]) -> None:
@@ -166,5 +165,4 @@ def _mark_reference(axis: Any, rows: Sequence[Mapping[str, Any]], column: str) -
 def _places(rows: Sequence[Mapping[str, Any]], column: str, known: bool = False) -> tuple[list[float], list[float]]:
     """Return seconds and errors as drawn; with ``known``, no smaller than the reference's error."""
     seconds = [max(row["seconds"], LEAST_SECONDS) for row in rows]
-    least = [row[f"{column}, known to"] or 0.0 if known else 0.0 for row in rows]
-    return seconds, [max(row[column], floor, LEAST_ERROR) for row, floor in zip(rows, least, strict=True)]
+    return seconds, [max(_resolved(row, column) if known else row[column], LEAST_ERROR) for row in rows]

@@ -1,47 +1,25 @@
 """The study's page: outcomes of the random starts as table, phase map and pictures; growth laws; answer in words."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from runs.process.files import read_csv, write_csv
+from runs.process.files import write_csv
 from runs.studies import Options
 from runs.studies.collective import boundary, cases, pictures
-from runs.studies.collective.cases import Case, PairLaw
+from runs.studies.collective.cases import Finished, PairLaw
 from runs.studies.framework.study import CASES, Study, command, timed
 from runs.studies.framework.template import render
 
 SHOWN = (6.0, 0.3, 1)
 """Thickness over R, area fraction and seed of the run in the animation."""
-GATHERED, GROUPED = 4.0, 1.3
-"""Mean cluster size (of the cluster of a random ball) from which a layer counts as gathered, and as grouped."""
-ORDERED = 0.15
-"""Growth of the mean |psi_6| from which a layer that has not gathered counts as ordered."""
 NETWORK = 0.5
 """Mean cluster size over the number of balls from which clusters count as joined to one network."""
 GROWING = (2.0, 0.5)
 """Range of the growth law: mean cluster size from this number of balls to this share of the largest one at the end."""
-
-
-@dataclass(frozen=True)
-class Finished:
-    """A run with its arrangement along the path."""
-
-    case: Case
-    row: Mapping[str, Any]
-    rows: Sequence[Mapping[str, float]]
-
-    @property
-    def outcome(self) -> str:
-        """Outcome, so far if the run is interrupted: "gathers", "small groups", "orders" or "stays"."""
-        if self.row["cluster_mean"] >= GATHERED:
-            return "gathers"
-        if self.row["cluster_mean"] >= GROUPED:
-            return "small groups"
-        return "orders" if self.row["hexatic_end"] - self.row["hexatic_start"] >= ORDERED else "stays"
 
 
 @dataclass(frozen=True)
@@ -70,28 +48,19 @@ def compute(folder: Path, options: Options) -> None:
 
 def page(folder: Path, quick: bool) -> str:
     """Write tables and figures; return the answer as Markdown."""
-    there = [done for case in cases.cases(quick) if (done := read(case, folder / CASES)) is not None]
+    there = [done for case in cases.cases(quick) if (done := cases.read(case, folder / CASES)) is not None]
     write_csv(folder / "collective.csv", [{**done.row, "outcome": done.outcome} for done in there])
     deep = [done for done in there if done.case.approach == cases.DEEP]
     found = [done for done in there if done not in deep]
     laws = {h: cases.pair_law(h) for h in sorted({done.case.thickness for done in found})}
     if found:
         free = [done for done in found if done.case.rolling == 0.0]
-        pictures.draw_map(folder, [(d.case, d.row, d.outcome) for d in free], laws)
-        pictures.draw_ends(folder, [(d.case, folder / CASES) for d in free if d.case.seed == 1])
-        pictures.draw_growth(folder, [(d.case, d.rows) for d in free])
+        pictures.draw_map(folder, free, laws)
+        pictures.draw_ends(folder, [done.case for done in free if done.case.seed == 1])
+        pictures.draw_growth(folder, free)
         for case in (d.case for d in free if (d.case.thickness, d.case.fraction, d.case.seed) == SHOWN):
-            pictures.draw_gathering(folder, case, folder / CASES, laws[case.thickness].largest)
+            pictures.draw_gathering(folder, case, laws[case.thickness].largest)
     return text(found, laws, boundary.read(folder / CASES), quick, deep)
-
-
-def read(case: Case, folder: Path) -> Finished | None:
-    """Return a run, complete or not; None if it has not begun."""
-    document = cases.saved(folder / case.name)
-    if document is None:
-        return None
-    rows = read_csv(folder / case.name / "structure.csv", float)
-    return Finished(case, cases.summary(case, document, rows), rows)
 
 
 def growth(done: Finished) -> Growth | None:
@@ -122,7 +91,7 @@ def text(
     free = [done for done in found if done.case.rolling == 0.0]
     ended = [done for done in (*found, *deep) if done.row["ended"] != "interrupted"]
     gathered = [done for done in free if done in ended and done.outcome == "gathers"]
-    wanted, waves = cases.cases(quick), _waves(free, laws)
+    wanted, waves = cases.cases(quick), list(_waves(free, laws))
     return render(
         __file__, free=len(free), still=sum(done.outcome == "stays" for done in free),
         attract=min((h for h, law in laws.items() if law.ratio[0] > 0.0), default=np.nan),
@@ -137,15 +106,12 @@ def text(
         both=_both([done for done in deep if done in ended]), deep=cases.DEEP, between=cases.BETWEEN,
         gathered=len(gathered), resting=sum(done.row["ended"] == "at rest" for done in gathered),
         vanishing=boundary.vanishing(touching), touching=touching, approach=cases.APPROACH,
-        rows=_starts(found),
+        rows=list(_starts(found)),
         pairs=_pairs(laws), waves=waves,
         rates={name: _ends(w["rate per path"] for w in waves if w["outcome"] == name) for name in pictures.COLORS},
-        growth=_growth(free),
+        growth=list(_growth(free)),
         missing=[case.name for case in wanted if case not in [done.case for done in ended]], wanted=len(wanted),
-        begun=[
-            f"{d.case.name} at a path of {d.row['path']:.2g} after {d.row['seconds']:.0f} s"
-            for d in (*found, *deep) if d not in ended
-        ],
+        begun=[done for done in (*found, *deep) if done not in ended],
         command=command("collective", quick), minutes=sum(done.row["seconds"] for done in (*found, *deep)) / 60.0,
     )  # fmt: skip
 
@@ -171,8 +137,8 @@ AVERAGED = {
 }  # fmt: skip
 
 
-def _starts(found: Sequence[Finished]) -> list[dict[str, Any]]:
-    """Return a row per scene: means over its starts and, for several starts, half the range of the first two columns.
+def _starts(found: Sequence[Finished]) -> Iterator[dict[str, Any]]:
+    """Yield a row per scene: means over its starts and, for several starts, half the range of the first two columns.
 
     ``outcome`` and ``ended`` list all that occur.
     """
@@ -180,26 +146,18 @@ def _starts(found: Sequence[Finished]) -> list[dict[str, Any]]:
     for done in found:
         case = done.case
         scenes.setdefault((case.count, case.thickness, case.fraction, case.rolling), []).append(done)
-    rows = []
     for (count, h, phi, rolling), here in sorted(scenes.items()):
         row: dict[str, Any] = {
-            "h/R": h,
-            "area fraction": phi,
-            "balls": count,
-            "starts": len(here),
-            "resistance": rolling,
-        }
-        row["outcome"], row["ended"] = (
-            ", ".join(sorted(set(said)))
-            for said in ([done.outcome for done in here], [str(done.row["ended"]) for done in here])
-        )
+            "h/R": h, "area fraction": phi, "balls": count, "starts": len(here), "resistance": rolling,
+            "outcome": ", ".join(sorted({done.outcome for done in here})),
+            "ended": ", ".join(sorted({done.row["ended"] for done in here})),
+        }  # fmt: skip
         for name, key in AVERAGED.items():
             values = [value for done in here if (value := done.row.get(key)) is not None]
             mean = float(np.mean(values)) if values else None
             several = len(values) > 1 and key in ("cluster_mean", "coordination")
             row[name] = (mean, 0.5 * float(np.ptp(values))) if several else mean
-        rows.append(row)
-    return rows
+        yield row
 
 
 def _pairs(laws: Mapping[float, PairLaw]) -> list[dict[str, Any]]:
@@ -217,17 +175,15 @@ def _pairs(laws: Mapping[float, PairLaw]) -> list[dict[str, Any]]:
     ]
 
 
-def _waves(free: Sequence[Finished], laws: Mapping[float, PairLaw]) -> list[dict[str, Any]]:
-    """Return the fastest growing wave in a uniform lattice for every scene, and the outcome of its run."""
-    rows = []
-    for done in free:
+def _waves(free: Sequence[Finished], laws: Mapping[float, PairLaw]) -> Iterator[dict[str, Any]]:
+    """Yield the fastest growing wave in a uniform lattice for every scene, and the outcome of its run."""
+    for done in sorted(free, key=lambda done: (done.case.thickness, done.case.fraction)):
         h, phi = done.case.thickness, done.case.fraction
         wave = laws[h].wave(phi) if done.case.seed == 1 and h in laws else None
         if wave is not None:
             length = wave.length if wave.rate > 0.0 else None
             row = {"h/R": h, "area fraction": phi, "rate per path": wave.rate, "length / R": length}
-            rows.append({**row, "outcome": done.outcome})
-    return sorted(rows, key=lambda row: (row["h/R"], row["area fraction"]))
+            yield {**row, "outcome": done.outcome}
 
 
 def _both(deep: Sequence[Finished]) -> list[dict[str, Any]]:
@@ -246,24 +202,22 @@ def _both(deep: Sequence[Finished]) -> list[dict[str, Any]]:
     return rows
 
 
-def _growth(found: Sequence[Finished]) -> list[dict[str, Any]]:
-    """Return the growth laws, with the spread between seeds where there are several."""
+def _growth(found: Sequence[Finished]) -> Iterator[dict[str, Any]]:
+    """Yield the growth laws, with the spread between seeds where there are several."""
     groups: dict[tuple[float, float, int], list[Growth]] = {}
     for done in found:
         law = growth(done)
         if law is not None:
             groups.setdefault((done.case.thickness, done.case.fraction, done.case.count), []).append(law)
-    rows = []
     for (h, phi, count), laws in sorted(groups.items()):
         exponents = np.array([law.exponent for law in laws])
-        rows.append({
+        yield {
             "h/R": h, "area fraction": phi, "balls": count, "starts fitted": len(laws),
             "exponent": float(np.mean(exponents)),
             "error of the fit": float(np.sqrt(np.mean([law.error**2 for law in laws]))),
             "spread of the starts": float(np.std(exponents, ddof=1)) if len(laws) > 1 else None,
             "clusters fitted": f"{min(g.sizes[0] for g in laws):.2g} to {max(g.sizes[1] for g in laws):.2g}",
-        })  # fmt: skip
-    return rows
+        }  # fmt: skip
 
 
 PUBLISHED = ("map.svg", "ends.png", "growth.svg", "gathering.gif")

@@ -1,6 +1,6 @@
 """The runs of the study: randomly placed balls in a periodic cell on layers of several thicknesses, R = 1 and E = 1."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from runs.evolution.lattice_waves import Wave, fastest
 from runs.evolution.pair_forces import PairForces
 from runs.evolution.providers import provider
 from runs.models import MODELS
-from runs.process.files import read_json, write_text
+from runs.process.files import read_csv, read_json, write_text
 from runs.scene.scene_file import read_scene
 from runs.session.session import Options
 
@@ -36,6 +36,10 @@ REST = 5e-3
 """Force over load of a ball at rest, over the largest T/Q of a pair."""
 TOLERANCE = 1e-4
 """Error of one step over R."""
+GATHERED, GROUPED = 4.0, 1.3
+"""Mean cluster size (of the cluster of a random ball) from which a layer counts as gathered, and as grouped."""
+ORDERED = 0.15
+"""Growth of the mean |psi_6| from which a layer that has not gathered counts as ordered."""
 DISTANCES = np.linspace(2.0, 24.0, 221)
 """Distances over R at which the pair law is computed."""
 
@@ -189,26 +193,40 @@ def evolve(case: Case, folder: Path, *, fresh: bool = False) -> None:
             Evolution(session, TABLES).complete(pictures=False)
 
 
-def saved(folder: Path) -> dict[str, Any] | None:
-    """Return the document of a run, complete or interrupted; None where there is none."""
-    return read_json(folder / "result.json")
+@dataclass(frozen=True)
+class Finished:
+    """A run with its row of the study's table and its arrangement along the path."""
+
+    case: Case
+    row: Mapping[str, Any]
+    rows: Sequence[Mapping[str, float]]
+
+    @property
+    def outcome(self) -> str:
+        """Outcome, so far if the run is interrupted: "gathers", "small groups", "orders" or "stays"."""
+        if self.row["cluster_mean"] >= GATHERED:
+            return "gathers"
+        if self.row["cluster_mean"] >= GROUPED:
+            return "small groups"
+        return "orders" if self.row["hexatic_end"] - self.row["hexatic_start"] >= ORDERED else "stays"
 
 
-def summary(case: Case, document: Mapping[str, Any], rows: list[dict[str, float]]) -> dict[str, Any]:
-    """Return one row of the study's table."""
-    first, last = rows[0], rows[-1]
-    return {
+def read(case: Case, folder: Path) -> Finished | None:
+    """Return a run, complete or not; None if it has not begun."""
+    document = read_json(folder / case.name / "result.json")
+    if document is None:
+        return None
+    rows = read_csv(folder / case.name / "structure.csv", float)
+    first, last, solved = rows[0], rows[-1], document["solved"]
+    ended = "at rest" if document["rest"]["at_rest"] else "path spent"
+    row = {
         "h/R": case.thickness,
         "area_fraction": case.fraction,
         "balls": case.count,
         "seed": case.seed,
         "rolling": case.rolling,
         "path": last["cycle"],
-        "ended": "interrupted"
-        if not document["solved"]["converged"]
-        else "at rest"
-        if document["rest"]["at_rest"]
-        else "path spent",
+        "ended": ended if solved["converged"] else "interrupted",
         "cluster_mean": last["cluster_mean"],
         "coordination": last["coordination"],
         "hexatic_start": first["hexatic_local"],
@@ -216,6 +234,7 @@ def summary(case: Case, document: Mapping[str, Any], rows: list[dict[str, float]
         "nearest_distance": last["nearest_distance_mean"],
         # its key in finished runs of earlier versions
         "force_over_load": first.get("largest_force_over_largest_load", first.get("force_over_load")),
-        "steps": document["solved"]["iterations"] or None,
-        "seconds": document["solved"]["seconds"],
+        "steps": solved["iterations"] or None,
+        "seconds": solved["seconds"],
     }
+    return Finished(case, row, rows)

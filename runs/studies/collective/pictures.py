@@ -14,7 +14,8 @@ from runs.evolution.hard_balls import HardBalls
 from runs.evolution.layer_pictures import draw_layer
 from runs.pictures.sheet import save_gif
 from runs.session.output_folder import PATH
-from runs.studies.collective.cases import DISTANCES, Case, PairLaw
+from runs.studies.collective.cases import DISTANCES, Case, Finished, PairLaw
+from runs.studies.framework.study import CASES
 
 COLORS = {"gathers": BLUE, "small groups": PURPLE, "orders": GREEN, "stays": GREY}
 
@@ -27,11 +28,12 @@ def _shades(thicknesses: Sequence[float]) -> dict[float, Any]:
 
 
 @look()
-def draw_map(folder: Path, found: Sequence[tuple[Case, Mapping[str, Any], str]], laws: Mapping[float, PairLaw]) -> None:
+def draw_map(folder: Path, found: Sequence[Finished], laws: Mapping[float, PairLaw]) -> None:
     """Write map.svg and .png: outcomes over thickness and area fraction, and the pair law of each thickness."""
     figure, (outcomes, pair) = panels(5.0, 5.0, height=3.9)
     seen, thicknesses = set(), sorted(laws)
-    for case, row, outcome in found:
+    for done in found:
+        case, row, outcome = done.case, done.row, done.outcome
         if case.seed != 1 or (case.thickness, case.fraction) in seen:
             continue
         seen.add((case.thickness, case.fraction))
@@ -58,29 +60,28 @@ def draw_map(folder: Path, found: Sequence[tuple[Case, Mapping[str, Any], str]],
 
 
 @look()
-def draw_ends(folder: Path, found: Sequence[tuple[Case, Path]]) -> None:
+def draw_ends(folder: Path, found: Sequence[Case]) -> None:
     """Write ends.png: the layer at the end of every run, a column per thickness."""
-    columns = sorted({case.thickness for case, _ in found})
-    lines = sorted({case.fraction for case, _ in found}, reverse=True)
+    columns = sorted({case.thickness for case in found})
+    lines = sorted({case.fraction for case in found}, reverse=True)
     figure = blank(1.7 * len(columns), 1.9 * len(lines))
     axes = figure.subplots(len(lines), len(columns), squeeze=False)
     for axis in axes.ravel():
         axis.set_axis_off()
-    for case, place in found:
+    for case in found:
         axis = axes[lines.index(case.fraction), columns.index(case.thickness)]
         axis.set_axis_on()
-        run = place / case.name
-        last = saved_path.read(run / PATH, len(list((run / PATH).glob("moment_*.npz"))) - 1)
-        _draw_cell(axis, case, last.positions)
+        run = folder / CASES / case.name / PATH
+        _draw_cell(axis, case, saved_path.read(run, len(list(run.glob("moment_*.npz"))) - 1).positions)
         axis.set_title(f"h = {case.thickness:g} R, {case.fraction:g}", fontsize=8.5)
     save_figure(figure, folder, "ends", ("png",))
 
 
-def draw_gathering(folder: Path, case: Case, place: Path, largest: float) -> None:
+def draw_gathering(folder: Path, case: Case, largest: float) -> None:
     """Write gathering.gif: the layer from above along the path of one run; ``largest`` T/Q of a pair."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415  (slow to load)
 
-    run = place / case.name / PATH
+    run = folder / CASES / case.name / PATH
     sheets = []
     with look():
         for number in range(len(list(run.glob("moment_*.npz")))):
@@ -105,17 +106,14 @@ def _draw_cell(axis: Any, case: Case, positions: Array) -> None:
 
 
 @look()
-def draw_growth(folder: Path, found: Sequence[tuple[Case, Sequence[Mapping[str, float]]]]) -> None:
+def draw_growth(folder: Path, found: Sequence[Finished]) -> None:
     """Write growth.svg and .png: mean cluster and hexatic order over the path at one area fraction."""
-    chosen = [(case, rows) for case, rows in found if case.fraction == 0.3 and case.seed == 1]
-    shades = _shades(sorted({case.thickness for case, _ in chosen}))
+    chosen = {done.case.thickness: done.rows[1:] for done in found if done.case.fraction == 0.3 and done.case.seed == 1}
     figure, (clusters, order) = panels(5.0, 5.0, height=3.8)
-    for case, rows in sorted(chosen, key=lambda c: c[0].thickness):
-        color = shades[case.thickness]
-        path = np.array([row["cycle"] for row in rows])
-        label = f"h = {case.thickness:g} R"
-        clusters.plot(path[1:], [row["cluster_mean"] for row in rows][1:], color=color, label=label)
-        order.plot(path[1:], [row["hexatic_local"] for row in rows][1:], color=color, label=label)
+    for h, color in _shades(sorted(chosen)).items():
+        path = [row["cycle"] for row in chosen[h]]
+        for axis, key in ((clusters, "cluster_mean"), (order, "hexatic_local")):
+            axis.plot(path, [row[key] for row in chosen[h]], color=color, label=f"h = {h:g} R")
     clusters.set(xscale="log", yscale="log", xlabel="path", ylabel="balls in the cluster of a ball, mean")
     order.set(xscale="log", xlabel="path", ylabel="mean of |psi_6|", ylim=(0.2, 1.0))
     clusters.legend(fontsize=8)

@@ -2,11 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from runs.display.numbers import number
 from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, save_figure
 from runs.evolution.drawing import draw_top_views
 from runs.evolution.hard_balls import HardBalls
@@ -27,14 +26,8 @@ OF_MEMBERS = (
     "neighbours", "narrow_over_wide",
 )  # fmt: skip
 """Columns of the table of ensemble members."""
-
-
-class Judged(NamedTuple):
-    """An observation and the finding of each model; None where runs are missing."""
-
-    point: Point
-    small: Finding | None
-    large: Finding | None
+TIMED = {"nine, 30 mm": "by the pair table", "nine, 30 mm, full model": "by the full model"}
+"""Runs of equal balls whose speeds are compared."""
 
 
 def compute(folder: Path, options: Options) -> None:
@@ -81,26 +74,28 @@ def answer(
 
     ``pairs`` compares the forces on two balls in both models, ``by_share`` holds the runs with rolling resistance.
     """
-    judged = [Judged(point, *(findings(point, found[model]) for model in MODELS)) for point in POINTS]
+    small, large = (found[model] for model in MODELS)
+    judged = [(point, findings(point, small), findings(point, large)) for point in POINTS]
     by_command: dict[str, list[str]] = {}
     for name, one in missing.items():
         by_command.setdefault(one, []).append(name)
     return render(
         __file__,
-        verdicts=[one.small.verdict for one in judged if one.small is not None],
-        both=sum(one.small is not None and one.large is not None for one in judged),
-        turned=[j.point.title for j in judged if j.small and j.large and j.small.verdict != j.large.verdict],
-        observations=[_observation(one) for one in judged], errors=_errors(found), missing=by_command, command=by,
+        verdicts=[first.verdict for _, first, _ in judged if first],
+        both=sum(first is not None and second is not None for _, first, second in judged),
+        turned=[point.title for point, first, second in judged if first and second and first.verdict != second.verdict],
+        observations=[_observation(*one) for one in judged], missing=by_command, command=by,
+        errors=[_errors(words, found[model]) for model, words in MODELS.items()],
+        speeds=[(words, small[name]) for name, words in TIMED.items() if name in small],
         pairs=[side_by_side.sentence(pair) for pair in pairs], forces=side_by_side.forces(pairs),
-        runs=side_by_side.outcomes(found["linear_bem"], found["finite_strain"]),
+        runs=side_by_side.outcomes(small, large),
         seconds=sum(document["solved"]["seconds"] for model in MODELS for document in found[model].values()),
-        resistance=resistance.section(found["linear_bem"], by_share),
+        resistance=resistance.section(small, by_share),
     )  # fmt: skip
 
 
-def _observation(judged: Judged) -> dict[str, str]:
-    """Return the row of one observation."""
-    point, small, large = judged
+def _observation(point: Point, small: Finding | None, large: Finding | None) -> dict[str, str]:
+    """Return the row of one observation, with the findings of both models (None where runs are missing)."""
     numbers = [small.numbers if small else ""]
     if large is not None:
         numbers.append(f"finite strain: {large.numbers}")
@@ -112,64 +107,23 @@ def _observation(judged: Judged) -> dict[str, str]:
     return dict(zip(("the paper reports", *MODELS.values(), "numbers and reasons"), words, strict=True))
 
 
-def _errors(found: Mapping[str, Documents]) -> list[str]:
-    """Return one sentence per source of error."""
-    lines = []
-    for model, name in MODELS.items():
-        known = [table for document in found[model].values() if (table := document["pair_table"]) is not None]
-        for radius, rows in {table["identity"]["radius"]: table["additivity"] for table in known}.items():
-            text = "; ".join(
-                f"{row['arrangement']} {100 * row['coupled']:.2g} % (bare sum of pairs {100 * row['bare_sum']:.2g} %; "
-                f"own error of the full model {100 * row['tangential_force_error'] / row['tangential_force']:.1g} %)"
-                for row in rows
-            )
-            lines.append(f"{name}, R = {1e3 * radius:g} mm: {text}")
-        shares = [
-            (row["share"], case, row["at"])
-            for case, document in found[model].items()
-            for row in document["direct_check"] or []
-            if row["share"] is not None
-        ]
-        if shares:
-            share, case, where = max(shares)
-            lines.append(f"{name}: at starts and ends of the runs at most {100 * share:.2g} % ({case}, {where})")
-        worst = max(
-            ((d["position_error"], case) for case, d in found[model].items() if d["path"][-1]["sigma"] > 0.0),
-            default=None,
-        )
-        if worst:
-            lines.append(f"{name}: error of positions from time steps at most {1e3 * worst[0]:.2g} mm ({worst[1]})")
-        for case, document in found[model].items():
-            balance = document["equilibrium"]
-            if document["rest"]["at_rest"] and balance is not None and balance["verdict"] != "stable":
-                lines.append(f"{name}, {case}: the path ends near an equilibrium that is {balance['verdict']}")
-    stable = [
-        d["equilibrium"]["distance_from_end"]
-        for model in MODELS
-        for d in found[model].values()
-        if d["rest"]["at_rest"] and d["equilibrium"] and d["equilibrium"]["verdict"] == "stable"
+def _errors(model: str, documents: Documents) -> dict[str, Any]:
+    """Return one model's sources of error: additivity by radius, and those of runs with the name of their case."""
+    tables = [table for document in documents.values() if (table := document["pair_table"]) is not None]
+    shares = [
+        (row["share"], case, row["at"])
+        for case, document in documents.items()
+        for row in document["direct_check"] or []
+        if row["share"] is not None
     ]
-    lines += _speeds(found["linear_bem"])
-    if stable:
-        lines.append(
-            f"{len(stable)} paths that came to rest end at most {1e3 * max(stable):.1e} mm from a stable equilibrium "
-            "found by Newton's method"
-        )
-    return lines
-
-
-def _speeds(documents: Documents) -> list[str]:
-    """Return the steps per minute of processor time for nine balls, by the pair table and by the full model."""
-    texts = []
-    for name, words in (("nine, 30 mm", "by the pair table"), ("nine, 30 mm, full model", "by the full model")):
-        if name in documents:
-            solved, members = documents[name]["solved"], len(documents[name]["ensemble"])
-            texts.append(
-                f"{words} {solved['iterations']} steps of {members} member(s) in {number(solved['seconds'], 3)} s of "
-                "processor time with all final checks, "
-                f"{round(60.0 * solved['iterations'] / solved['seconds'], -2):.0f} a minute"
-            )
-    return [f"nine balls, small strain: {'; '.join(texts)}"] if texts else []
+    places = [(d["position_error"], case) for case, d in documents.items() if d["path"][-1]["sigma"] > 0.0]
+    ends = {case: d["equilibrium"] for case, d in documents.items() if d["rest"]["at_rest"] and d["equilibrium"]}
+    return {
+        "model": model, "additivity": {table["identity"]["radius"]: table["additivity"] for table in tables},
+        "share": max(shares, default=None), "place": max(places, default=None),
+        "unstable": {case: end["verdict"] for case, end in ends.items() if end["verdict"] != "stable"},
+        "stable": [end["distance_from_end"] for end in ends.values() if end["verdict"] == "stable"],
+    }  # fmt: skip
 
 
 def _members(found: Mapping[str, Documents]) -> list[dict[str, Any]]:

@@ -29,8 +29,8 @@ NEAR = 0.1
 class Comparison:
     """A pair of balls in both models at `PLACES`: T/Q, its error, ratios finite / small of T and Q, equilibria [m].
 
-    ``rests`` are (distance, "stable" or "unstable") of small strain and of finite strain, up to the end of the
-    finite-strain table.
+    ``rests`` are (distance, "stable" or "unstable") beyond contact of small strain and of finite strain, up to the end
+    of the finite-strain table.
     """
 
     radius: float
@@ -64,7 +64,7 @@ def _compared(small: PairTable, finite: PairTable) -> Comparison:
     rows = {row["distance"]: row["tangential_force_error"] for row in finite.data["pairs"]}
     near = [min(rows, key=lambda d, place=place: abs(d - place * touch)) for place in PLACES]  # type: ignore[misc]
     error = np.array([rows[d] for d in near]) / load[1]
-    rests = [equilibria.of_pair(forces, touch, max(rows)) for forces in pairs]
+    rests = [[rest for rest in equilibria.of_pair(forces, touch, max(rows)) if rest[0] > touch] for forces in pairs]
     return Comparison(
         small.ball.radius, small.problem.layer.thickness, small.approach, pull[0] / load[0], pull[1] / load[1], error,
         pull[1] / pull[0], load[1] / load[0], rests,
@@ -96,19 +96,19 @@ def forces(found: Sequence[Comparison]) -> list[dict[str, str]]:
         ):
             cell = f"{small:+.2e} / {finite:+.2e} ± {error:.0e}"
             # the ratio is meaningless near a zero of T
-            if not any(turn > 1.0 + 1e-9 and abs(place / turn - 1.0) < NEAR for turn in turns):
+            if not any(abs(place / turn - 1.0) < NEAR for turn in turns):
                 cell += f" ({strength:.2f})"
             row[f"L = {place:g} L0"] = cell
-        beyond = ([r for r in rest if r[0] > 2.0 * one.radius * (1.0 + 1e-9)] for rest in one.rests)
-        row["T = 0 at L [mm]"] = " / ".join(", ".join(f"{1e3 * d:.1f} ({v})" for d, v in b) or "none" for b in beyond)
+        row["T = 0 at L [mm]"] = " / ".join(
+            ", ".join(f"{1e3 * d:.1f} ({v})" for d, v in r) or "none" for r in one.rests
+        )
         rows.append(row)
     return rows
 
 
 def sentence(one: Comparison) -> str:
     """Return a sentence on the change of a pair's forces by finite strain."""
-    touch = 2.0 * one.radius
-    small, finite = ([d for d, _ in rests if d > touch * (1.0 + 1e-9)] for rests in one.rests)
+    small, finite = ([distance for distance, _ in rests] for rests in one.rests)
     words = (
         f"{_kind(one)} at D = {one.approach / one.radius:.2g} R: T/Q when touching {one.small[0]:+.2e} becomes "
         f"{one.finite[0]:+.2e} ± {one.error[0]:.0e} ({100.0 * (one.finite[0] / one.small[0] - 1.0):+.0f} %), Q "

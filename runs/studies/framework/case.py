@@ -3,7 +3,7 @@
 import hashlib
 import importlib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -16,7 +16,6 @@ from linear_bem.result import Result
 from runs.models import MODELS, Run
 
 FINITE, SMALL, LINEAR, POINT = "finite_strain", "small_strain", "linear_bem", "point_load"
-"""Names of the models."""
 
 
 @dataclass(frozen=True)
@@ -71,19 +70,15 @@ class Case:
 @contextmanager
 def varied(constants: Mapping[str, float]) -> Iterator[None]:
     """Override module constants, named "package.module.NAME", within the block; raises `InvalidProblem`."""
-    before: list[tuple[Any, str, Any]] = []
-    try:
+    with ExitStack() as restored:
         for place, value in constants.items():
             module_name, _, name = place.rpartition(".")
             module = importlib.import_module(module_name)
             if not hasattr(module, name):
                 raise InvalidProblem(f"{place}: there is no such constant to vary; correct the study's case")
-            before.append((module, name, getattr(module, name)))
+            restored.callback(setattr, module, name, getattr(module, name))
             setattr(module, name, value)
         yield
-    finally:
-        for module, name, value in reversed(before):
-            setattr(module, name, value)
 
 
 @cache

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
 from linear_bem.result import BallResult, Result, Solved, Step
@@ -80,18 +81,17 @@ class LevelCase(Case):
         from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
         plan = plan_run(self.problem, self.accuracy, self.model, steps=run.steps, numerics=Numerics(**run.numerics))
+        records = [Record(level.discretisation()) for level in self.levels]
         steps: list[Step] = []
-        before: Record | None = None
         seen: Seen = {}
         with working_folder(run.folder, run.comm) as folder:
-            for number, level in enumerate(self.levels):
-                record = Record(level.discretisation())
+            for number, record in enumerate(records):
                 file = folder / f"mesh_{number}.msh"
                 if self.shift:
                     steps += _moved(plan, record, self.shift, file, run)
                 else:
-                    steps += _answered(plan, record, before or record, seen, file, run, self.incomplete)
-                before = record
+                    before = records[max(number - 1, 0)]
+                    steps += _answered(plan, record, before, seen, file, run, self.incomplete)
         details = [step.record for step in steps]
         solved = Solved(
             True, sum(d["iterations"] for d in details), max(d["unknowns"] for d in details),
@@ -153,47 +153,32 @@ def _along(run: ModelRun, model: str, seen: Seen, fractions: Any) -> Iterator[St
 
 
 def _moved(plan: RunPlan, record: Record, shift: float, file: Path, run: Run) -> list[Step]:
-    """Return energies and forces on a mesh moved with the balls (collective)."""
-    from finite_strain import compat  # noqa: PLC0415
+    """Return energies and normal forces on a mesh moved with the balls; T is not computed (collective)."""
     from finite_strain.geometry.symmetry import reduce_scene  # noqa: PLC0415
-    from finite_strain.mpi import on_root  # noqa: PLC0415
     from finite_strain.observer import Silence  # noqa: PLC0415
-    from finite_strain.one_discretisation import ModelRun  # noqa: PLC0415
-    from meshes.layer import write_layer_mesh  # noqa: PLC0415
+    from finite_strain.one_discretisation import ModelRun, mesh_box  # noqa: PLC0415
 
     box = plan.box(record.level)
     problem = moved(plan.problem, shift)
     shifted = dataclasses.replace(plan, problem=problem, reduction=reduce_scene(problem))
-
-    def write() -> None:
-        write_layer_mesh(box, file)
-        (zone,) = box.zones  # mirrored at x = 0
-        move_mesh(file, zone, shift)
-
-    on_root(run.comm, write)
-    meshed = compat.read_mesh(file, run.comm)
-    name = f"{record.level}, moved"
-    driven = ModelRun(shifted, meshed, box, record.level, run.observer or Silence(), name)
+    meshed = mesh_box(box, file, run.comm)
+    (zone,) = box.zones  # mirrored at x = 0
+    move_nodes(meshed[0].geometry.x, zone, shift)
+    driven = ModelRun(shifted, meshed, box, record.level, run.observer or Silence(), f"{record.level}, moved")
     steps = []
     try:
         for done in _along(driven, "own", {}, plan.path):
             if done.fraction in plan.goals:
-                forces = driven.model.forces()[:, 2]
-                steps.append(_energies(problem, float(forces[0]), done, _of(plan, driven, record)))
+                force, nan = float(driven.model.forces()[0, 2]), float("nan")
+                balls = tuple(
+                    BallResult(ball.position, ball.radius, done.fraction * depth, force, (nan, nan), nan, nan, nan)
+                    for ball, depth in zip(problem.balls, problem.load.values, strict=True)
+                )
+                took = {"iterations": done.newton_iterations, "augmented": done.augmented, "seconds": 0.0}
+                steps.append(Step(balls, {**_of(plan, driven, record), "fraction": done.fraction, **took}))
     finally:
         driven.close()
     return steps
-
-
-def _energies(problem: Problem, force: float, done: StepRecord, of: dict[str, Any]) -> Step:
-    """Return a step with the normal force and the energies; T is not computed."""
-    nan = float("nan")
-    balls = tuple(
-        BallResult(ball.position, ball.radius, done.fraction * value, force, (nan, nan), nan, nan, nan)
-        for ball, value in zip(problem.balls, problem.load.values, strict=True)
-    )
-    took = {"iterations": done.newton_iterations, "augmented": done.augmented, "seconds": 0.0}
-    return Step(balls, {**of, "fraction": done.fraction, **took})
 
 
 def _of(plan: RunPlan, run: ModelRun, record: Record) -> dict[str, Any]:
@@ -215,24 +200,11 @@ def moved(problem: Problem, shift: float) -> Problem:
     return dataclasses.replace(problem, balls=balls)
 
 
-def move_mesh(file: Path, zone: Zone, shift: float) -> None:
-    """Shift the nodes of a mesh file near a ball's axis by ``shift`` [m] along x, tapering to zero.
+def move_nodes(points: Array, zone: Zone, shift: float) -> None:
+    """Shift nodes (n, 3) near a ball's axis by ``shift`` [m] along x, tapering to zero.
 
     Nodes outside the ball's block stay. The shift is symmetric about the axis, like the mesh, so it does not disturb
     the ball's own energy, which is orders of magnitude larger than the change with distance.
     """
-    import gmsh  # noqa: PLC0415
-
-    from meshes.layer import gmsh_session  # noqa: PLC0415
-
-    with gmsh_session():
-        gmsh.open(str(file))
-        tags, points, _ = gmsh.model.mesh.getNodes()
-        points = points.reshape(-1, 3)
-        distance = np.linalg.norm(points[:, :2] - np.array(zone.position), axis=1) / zone.half_width
-        points[:, 0] += shift * np.clip((1.0 - distance) / (1.0 - STILL), 0.0, 1.0)
-        for tag, point in zip(tags, points, strict=True):
-            gmsh.model.mesh.setNode(int(tag), point.tolist(), [])
-        gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
-        gmsh.option.setNumber("Mesh.Binary", 1)
-        gmsh.write(str(file))
+    distance = np.linalg.norm(points[:, :2] - np.array(zone.position), axis=1) / zone.half_width
+    points[:, 0] += shift * np.clip((1.0 - distance) / (1.0 - STILL), 0.0, 1.0)

@@ -23,6 +23,7 @@ from runs.studies import Options
 from runs.studies.framework.case import Case, varied
 from runs.studies.framework.saved_cases import DONE, NOT_RUN, Found, StudyFolder
 from runs.studies.framework.study import Study, command
+from runs.studies.framework.template import render
 
 
 def study_of_cases(
@@ -50,26 +51,15 @@ def study_of_cases(
 
     def page(path: Path, quick: bool) -> str:
         found = Found.of(StudyFolder(path, name), cases(quick))
-        lines = [present(found, path), "", made_by(found, command(name, quick))]
-        missing = found.missing(answers)
-        if missing:
-            lines += ["", f"**Not there: {len(missing)} of {len(found.cases)} cases.**", ""]
-            lines += [f"- {sentence}" for sentence in missing]
-        return "\n".join(lines)
+        states = [found.state(case.name) for case in found.cases]
+        ended = sum(state not in (RUNNING, STOPPED, NOT_RUN) for state in states)
+        made = render(
+            __file__, "cases.md.jinja", command=command(name, quick), found=found, ended=ended,
+            done=states.count(DONE), missing=found.missing(answers),
+        )  # fmt: skip
+        return f"{present(found, path)}\n\n{made}"
 
     return Study(name, compute, page, publishes)
-
-
-def made_by(found: Found, by: str) -> str:
-    """Return a sentence on how the numbers were produced."""
-    versions = ", ".join(f"{name} {version}" for name, version in sorted(found.versions().items()))
-    states = [found.state(case.name) for case in found.cases]
-    ended = sum(state not in (RUNNING, STOPPED, NOT_RUN) for state in states)
-    answered = f", {states.count(DONE)} with an answer" if ended > states.count(DONE) else ""
-    return (
-        f"Made by `{by}`: {ended} of {len(found.cases)} cases{answered}, {found.seconds() / 60.0:.1f} minutes of "
-        f"processor time{f' ({versions})' if versions else ''}."
-    )
 
 
 def _run_case(case: Case, folder: StudyFolder | None, comm: Any, title: str) -> None:

@@ -1,5 +1,7 @@
-"""The common part of all studies: compute answers into a folder, and make a page from the saved answers."""
+"""The common part of all studies: compute answers into a folder, make a page from them, and publish it."""
 
+import re
+import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -9,15 +11,15 @@ from typing import Any
 
 from linear_bem.errors import OutputUnusable
 from runs.process import ranks, signals
-from runs.process.files import read_json, write_text
+from runs.process.files import read_json, replacing, write_text
 from runs.process.json_values import to_json
 from runs.process.locks import RUNNING, take
 from runs.session.output_folder import FINISHED, LOCK, MARK, difference, ended
 from runs.session.progress import print_status
 from runs.studies import Options
-from runs.studies.framework.publishing import publish
 
 CASES = "cases"
+BEGIN, END = "<!-- answer: written by thirdbody study --publish -->", "<!-- end of the answer -->"
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,25 @@ def timed(title: str) -> Iterator[None]:
     begun = time.monotonic()
     yield
     print_status(f"{title}: {time.monotonic() - begun:.1f} s")
+
+
+def publish(name: str, answer: str, files: Sequence[Path], home: Path | None = None) -> Path:
+    """Write ``answer`` into the study's README, copy ``files`` beside it, return its path; raises `OutputUnusable`."""
+    page = (home or Path(__file__).parents[1] / name) / "README.md"
+    try:
+        text = page.read_text(encoding="utf-8")
+    except OSError as error:
+        raise OutputUnusable(f"{page}: cannot be read: {error.strerror}; --publish needs the checkout") from None
+    pattern = re.compile(f"{re.escape(BEGIN)}.*?{re.escape(END)}", re.DOTALL)
+    if not pattern.search(text):
+        raise OutputUnusable(f"{page}: has no place for the answer; put the lines {BEGIN} and {END} into it")
+    for file in files:
+        if file.exists():
+            with replacing(page.with_name(file.name)) as draft:
+                shutil.copyfile(file, draft)
+    with replacing(page) as draft:
+        draft.write_text(pattern.sub(lambda _: f"{BEGIN}\n\n{answer}\n{END}", text, count=1), encoding="utf-8")
+    return page
 
 
 def command(name: str, quick: bool) -> str:

@@ -58,15 +58,15 @@ def page(folder: Path, quick: bool) -> str:
     laws = list(_laws(folder))
     write_csv(folder / "peers.csv", rows)
     write_csv(folder / "laws.csv", laws)
-    with_errors = {"Q": "error of Q", "T": "error of T", "T, FElupe": "its change"}
+    errors = {"Q": "error of Q", "T": "error of T", "T, FElupe": "its change"}
     shown = [
-        {name: (value, row[with_errors[name]]) if name in with_errors else value for name, value in row.items()}
+        {key: (row[key], row[errors[key]]) if key in errors else row[key] for key in row if key not in errors.values()}
         for row in laws
     ]
-    if not laws:
-        return "\n".join(markdown(rows))
-    columns = [name for name in laws[0] if name not in with_errors.values()]
-    return "\n".join([*markdown(rows), "", f"## Every law, D = {LAW_DEPTH:g} R", "", *markdown(shown, columns)])
+    lines = markdown(rows)
+    if laws:
+        lines += ["", f"## Every law, D = {LAW_DEPTH:g} R", "", *markdown(shown)]
+    return "\n".join(lines)
 
 
 def _law_file(folder: Path, law: str, code: str, size: str) -> Path:

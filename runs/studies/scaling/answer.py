@@ -24,7 +24,7 @@ SIZES = (12_000, 50_000, 100_000)
 LARGE = (500_000, 1_050_000)
 """Further numbers of unknowns on more than one rank, for multigrid and for whole runs, which hold two models."""
 COUNTS = ("target", "unknowns", "ranks", "krylov_iterations", "fallbacks")
-FITTED = {"krylov_iterations": "iterations grow as", "first_seconds": "the time of a first solve as"}
+FITTED = ("krylov_iterations", "first_seconds")
 AHEAD = (1e7, 1e8)
 """Unknowns to which the fits are extrapolated."""
 FITTED_FROM = 40_000
@@ -99,27 +99,21 @@ def page(folder: Path, quick: bool) -> str:
     return render(__file__, rows=rows, whole=whole, fits=powers(rows))
 
 
-def powers(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """Return a sentence for each form: fitted powers of the unknowns, and their extrapolation to larger systems."""
-    lines = []
+def powers(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return for each form the fits in logarithms by the number of unknowns, and their extrapolation to `AHEAD`."""
+    found = []
     for form in dict.fromkeys(row["form"] for row in rows):
-        ranks_ = max(row["ranks"] for row in rows if row["form"] == form)
-        taken = [row for row in rows if (row["form"], row["solver"], row["ranks"]) == (form, "multigrid", ranks_)]
+        count = max(row["ranks"] for row in rows if row["form"] == form)
+        taken = [row for row in rows if (row["form"], row["solver"], row["ranks"]) == (form, "multigrid", count)]
         taken = [row for row in taken if row["unknowns"] >= FITTED_FROM]
         if len(taken) < 2:
             continue
         sizes = np.log([row["unknowns"] for row in taken])
-        fits = {key: np.polyfit(sizes, np.log([row[key] for row in taken]), 1) for key in FITTED}
-        growth = ", ".join(f"{FITTED[key]} n^{fit[0]:.2f}" for key, fit in fits.items())
-        ahead = "; ".join(
-            f"{n:.0e} unknowns: {np.exp(np.polyval(fits['krylov_iterations'], np.log(n))):.0f} iterations, "
-            f"{np.exp(np.polyval(fits['first_seconds'], np.log(n))) * ranks_ / 3600:.2g} processor hours a first solve"
-            for n in AHEAD
-        )
-        range_ = f"{grouped(taken[0]['unknowns'])} to {grouped(taken[-1]['unknowns'])} unknowns"
-        measured = f"{form}, multigrid on {ranks_} ranks, {range_}: {growth}"
-        lines.append(f"{measured}. Extrapolated, with the same levels: {ahead}.")
-    return lines
+        slopes, starts = np.polyfit(sizes, np.log([[row[key] for key in FITTED] for row in taken]), 1)
+        ahead = [(n, *np.exp(starts + slopes * np.log(n))) for n in AHEAD]
+        ends = [grouped(row["unknowns"]) for row in (taken[0], taken[-1])]
+        found.append({"form": form, "ranks": count, "ends": ends, "powers": slopes, "ahead": ahead})
+    return found
 
 
 STUDY = Study("scaling", compute, page, saves="ranks_*.csv")

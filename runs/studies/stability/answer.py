@@ -9,7 +9,7 @@ from runs.studies.framework.case import Case
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.saved_cases import ENDED, Found
 from runs.studies.framework.template import render
-from runs.studies.stability.bars import path_bars, sentence
+from runs.studies.stability.bars import path_bars, summary
 from runs.studies.stability.judging import energy_balance, last_good, meshed_forces, took, verdict
 from runs.studies.stability.matrix import cases
 
@@ -22,7 +22,7 @@ def present(found: Found, folder: Path) -> str:
     write_csv(folder / "stability.csv", [row | pair for row, pair in zip(rows, pairs, strict=True)])
     write_csv(folder / "bars.csv", bars)
     return render(
-        __file__, rows=rows, counts=Counter(row["ended"] for row in rows), said=sentence(bars), bars=bars,
+        __file__, rows=rows, counts=Counter(row["ended"] for row in rows), held=summary(bars), bars=bars,
         numbers=[key for key in rows[0] if key not in ("why", "words")],
     )  # fmt: skip
 
@@ -30,7 +30,6 @@ def present(found: Found, folder: Path) -> str:
 def _row(found: Found, case: Case) -> dict[str, Any]:
     steps, record = found.steps(case.name), found.records.get(case.name, {})
     ended, why = verdict(found, case.name, case.labels)
-    path = took(found, case)
     last = steps[-1]["balls"] if steps else []
     size = max((abs(ball["tangential_force"][0]) for ball in last), default=0.0)
     error = max((ball["tangential_force_error"] for ball in last), default=0.0)
@@ -39,11 +38,7 @@ def _row(found: Found, case: Case) -> dict[str, Any]:
         "words": case.labels["words"],
         "ended": ended,
         "reached": last_good(steps, found.state(case.name), record.get("reason") or ""),
-        "steps": path["steps"],
-        "cut-backs": path["cuts"],
-        "iterations": path["iterations"],
-        "smallest J": path["J"],
-        "penetration / R": path["penetration"],
+        **took(found, case),
         "energy balance": energy_balance(steps, meshed_forces(record)),
         "T": (last[0]["tangential_force"][0], last[0]["tangential_force_error"]) if last else None,
         "error of T [%]": 100.0 * error / size if size else None,

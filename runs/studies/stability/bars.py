@@ -38,21 +38,17 @@ def path_bars(found: Found) -> list[dict[str, Any]]:
     return rows
 
 
-def sentence(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return a sentence on how many error bars hold at full load and before; empty if none can be checked."""
+def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return how many error bars hold at full load and do not before, and the worst row; empty if none is checked."""
     ends = [row["error over bar at full load"] for row in rows if row["error over bar at full load"] is not None]
     if not ends:
-        return ""
+        return {}
     kept = sum(end <= 1.0 for end in ends)
-    before = sum(row["steps"] for row in rows) - len(ends)
-    beyond = sum(row["beyond their bar"] for row in rows) - (len(ends) - kept)
-    worst = max(rows, key=lambda row: row["largest error over bar"])
-    return (
-        f"At full load {kept} of {len(ends)} error bars of small_strain hold (the largest error is {max(ends):.2g} "
-        f"times its bar); of {before} earlier load steps {beyond} have an error above their bar, at worst by a factor "
-        f"of {worst['largest error over bar']:.2g} ({worst['error there [%]']:.2g} % at D = "
-        f"{worst['at D / R']:.2g} R)."
-    )
+    return {
+        "ends": ends, "kept": kept, "before": sum(row["steps"] for row in rows) - len(ends),
+        "beyond": sum(row["beyond their bar"] for row in rows) - (len(ends) - kept),
+        "worst": max(rows, key=lambda row: row["largest error over bar"]),
+    }  # fmt: skip
 
 
 def _shares(found: Found, name: str, twin: str) -> list[tuple[float, float, float]]:

@@ -77,15 +77,15 @@ def meshed_forces(record: Mapping[str, Any]) -> list[float] | None:
 
 
 def took(found: Found, case: Case) -> dict[str, Any]:
-    """Return the cost of a load path (steps, cut-backs, iterations), its smallest J and its penetration over R."""
+    """Return the table's columns on the cost of a load path, its smallest J and its penetration over R."""
     steps = found.steps(case.name)
-    counts: dict[str, Any] = dict.fromkeys(("steps", "cuts", "iterations"))
+    counts: dict[str, Any] = dict.fromkeys(("steps", "cut-backs", "iterations"))
     if case.parallel:
-        counts = {"steps": len(steps), "cuts": sum(step["record"].get("cuts", 0) > 0 for step in steps)}
+        counts = {"steps": len(steps), "cut-backs": sum(step["record"].get("cuts", 0) > 0 for step in steps)}
         counts["iterations"] = sum(step["record"].get("iterations", 0) for step in steps)
     penetration = max(_recorded(steps, "penetration"), default=math.nan) / case.problem.balls[0].radius
     smallest = min(_recorded(steps, "smallest_volume_ratio"), default=math.nan)
-    return {**counts, "J": smallest, "penetration": penetration}
+    return {**counts, "smallest J": smallest, "penetration / R": penetration}
 
 
 def _recorded(steps: Sequence[Mapping[str, Any]], key: str) -> list[float]:
@@ -133,7 +133,11 @@ def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, st
     checks, check = Checks(), labels["check"]
     _judge_path(checks, record)
     if check is not None and (state == DONE or check["at"] == NO_LOAD):
-        _judge_agreement(checks, found, name, check)
+        outcome = compared(found, name, check)
+        if outcome is None:
+            checks.notes.append(f"not compared with {check['other']}, which has no answer with an error")
+        else:
+            checks.judge_force(*outcome, f"{check['words']}: T differs by", owed=False)
     if state != DONE:
         reason += f"; what it reached: {'; '.join(checks.passed) or 'not checked'}"
         faults = checks.faults + checks.doubts
@@ -146,15 +150,6 @@ def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, st
         why = "; ".join([*(said or checks.unresolved), *checks.doubts, *checks.passed, *checks.notes])
         return STATE_UNRESOLVED if distorted else FORCE_UNRESOLVED if said else NOT_RESOLVED, why
     return ("right" if checks.passed else "not checked"), "; ".join(checks.passed + checks.notes)
-
-
-def _judge_agreement(checks: Checks, found: Found, name: str, check: Mapping[str, Any]) -> None:
-    """Check a case against its reference."""
-    outcome = compared(found, name, check)
-    if outcome is None:
-        checks.notes.append(f"not compared with {check['other']}, which has no answer with an error")
-        return
-    checks.judge_force(*outcome, f"{check['words']}: T differs by", owed=False)
 
 
 def _judge_path(checks: Checks, record: Mapping[str, Any]) -> None:

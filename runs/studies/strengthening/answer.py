@@ -11,8 +11,7 @@ from runs.studies.framework.saved_cases import Found
 from runs.studies.framework.template import render
 from runs.studies.strengthening import fitting, laws, pictures
 from runs.studies.strengthening.fitting import at_depth
-from runs.studies.strengthening.law_cases import law_cases
-from runs.studies.strengthening.matrix import SIDES, cases
+from runs.studies.strengthening.matrix import SIDES, cases, law_cases
 from runs.studies.strengthening.pictures import Paths, Rows
 from runs.studies.strengthening.ratios import load_paths
 
@@ -35,13 +34,14 @@ def present(found: Found, folder: Path) -> str:
         side: fitting.best({x: fitting.points(main[side], x, h) for x in ("sqrt(D/R)", "D/R")})
         for h, side in SIDES.items()
     }
-    pictures.draw(found, rows, fits, folder)
+    pictures.draw(paths, main, fits, folder)
     return render(
         __file__,
-        verdicts=_verdicts(paths), stronger_from=_stronger_from(main),
+        verdicts=_verdicts(paths),
+        stronger_from=[(h, *ends) for h, side in SIDES.items() if (ends := _stronger_from(main[side]))],
         paths=[(h, side, [_along(row) for row in main[side]]) for h, side in SIDES.items()],
-        ladder=_ladder(rows), small_load=fitting.SMALL_LOAD, slopes=_slopes(paths), parameters=_parameters(paths),
-        signs=_signs(paths),
+        ladder=list(_ladder(rows)), small_load=fitting.SMALL_LOAD, slopes=list(_slopes(paths)),
+        parameters=_parameters(paths), signs=_signs(paths),
         fits=[(h, fits[side]) for h, side in SIDES.items() if fits[side]], common=list(_common(paths)), most=COMMON,
         laws=laws.part(others, folder),
     )  # fmt: skip
@@ -63,17 +63,11 @@ def _verdicts(paths: Paths) -> dict[str, list[str]]:
     return verdicts
 
 
-def _stronger_from(main: Mapping[str, Rows]) -> list[str]:
-    """Return, for each layer, the load from which T is stronger beyond its error bar."""
-    words = []
-    for h, side in SIDES.items():
-        path = [row for row in main[side] if row["S_Q"] is not None]
-        from_here = [row["D"] for i, row in enumerate(path) if all(r["S_Q"] - r["S_Q_error"] > 1.0 for r in path[i:])]
-        if from_here:
-            words.append(f"for h = {h:g} R from D = {number(from_here[0], 3)} R on")
-        elif path:
-            words.append(f"for h = {h:g} R at no load up to D = {number(path[-1]['D'], 3)} R")
-    return words
+def _stronger_from(path: Rows) -> tuple[float | None, float] | None:
+    """Return the approach over R from which T is stronger beyond its error bar (None: nowhere), and the largest one."""
+    known = [row for row in path if row["S_Q"] is not None]
+    beyond = [row["D"] for i, row in enumerate(known) if all(r["S_Q"] - r["S_Q_error"] > 1.0 for r in known[i:])]
+    return (min(beyond, default=None), known[-1]["D"]) if known else None
 
 
 def headline(rows: Mapping[str, Rows], side: str, group: str = "headline") -> Rows:
@@ -89,25 +83,22 @@ def _words(case: Case) -> str:
     return "h = {h:g} R, L = {L:g} R, nu = {nu:g}".format(**case.labels)
 
 
-def _ladder(rows: Mapping[str, Rows]) -> list[dict[str, Any]]:
-    """Return the contributions of the indenter's exact shape and of finite strain in the bulk, at equal force."""
-    shown = []
+def _ladder(rows: Mapping[str, Rows]) -> Iterator[dict[str, Any]]:
+    """Yield the contributions of the indenter's exact shape and of finite strain in the bulk, at equal force."""
     for side in SIDES.values():
         path, plain = headline(rows, side), headline(rows, side, "paraboloid")
         for depth in DEPTHS:
             bulk, shape, load = (at_depth(path, depth, factor) for factor in ("S_Q", "geometry", "Q"))
             if bulk is not None and shape is not None and load is not None:
-                shown.append({
+                yield {
                     "layer": side, "depth": depth, "one": 1.0, "shape": shape[0],
                     "plain": at_depth(plain, load[0], measure="Q"),
                     "total": (bulk[0] * shape[0], bulk[1] * shape[0]), "bulk": bulk,
-                })  # fmt: skip
-    return shown
+                }  # fmt: skip
 
 
-def _slopes(paths: Paths) -> list[dict[str, Any]]:
-    """Return the fitted slope of every curve at zero load, where it is 1."""
-    shown = []
+def _slopes(paths: Paths) -> Iterator[dict[str, Any]]:
+    """Yield the fitted slope of every curve at zero load, where it is 1."""
     for case, path in paths:
         # the deeper curves are those of the headline; paraboloids and the sign change have separate tables
         if case.labels["group"] in ("sign", "deeper", "paraboloid"):
@@ -117,8 +108,7 @@ def _slopes(paths: Paths) -> list[dict[str, Any]]:
             both = {x: (s.coefficients[0], s.errors[0]) for x, s in slopes.items() if s is not None}
             c, e = both["D/R"]
             resolved = f"yes, {'below' if c < 0 else 'above'} 1" if abs(c) > e else "no"
-            shown.append({"case": _words(case), **both, "leaves 1": resolved})
-    return shown
+            yield {"case": _words(case), **both, "leaves 1": resolved}
 
 
 def _parameters(paths: Paths) -> list[dict[str, Any]]:

@@ -1,6 +1,7 @@
 """The part of the study on hyperelastic laws: tables and figure from the cases finished so far."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,8 @@ def part(paths: Paths, folder: Path) -> str:
     if drawn:
         _draw(drawn, folder)
     return render(
-        __file__, "laws.md.jinja", laws=_laws(laws), spreads=_spreads(laws), foams=_foams(foams), drawn=bool(drawn),
+        __file__, "laws.md.jinja", laws=_laws(laws), spreads=list(_spreads(laws)), foams=list(_foams(foams)),
+        drawn=bool(drawn),
     )  # fmt: skip
 
 
@@ -63,24 +65,19 @@ def _laws(paths: Paths) -> list[dict[str, Any]]:
     ]
 
 
-def _spreads(paths: Paths) -> list[dict[str, Any]]:
-    """Return by h and nu: least and greatest S_Q at the last load, number of laws, and whether T vanishes."""
-    spreads = []
+def _spreads(paths: Paths) -> Iterator[dict[str, Any]]:
+    """Yield by h and nu: least and greatest S_Q at the last load, number of laws, and whether T vanishes."""
     for (h, nu), here in _by_layer(paths):
         depth = _depths(here)[-1]
         factor = {case.labels["law"]: at_depth(path, depth, "S_Q") for case, path in here}
         known = sorted((value[0], law.replace("_", " ")) for law, value in factor.items() if value is not None)
         ends = [f"{number(value, 4)} ({law})" for value, law in (known[:1] + known[-1:])]
-        spreads.append(
-            {"h": h, "nu": nu, "depth": depth, "ends": ends, "count": len(known), "vanishes": _vanishes(here)}
-        )
-    return spreads
+        yield {"h": h, "nu": nu, "depth": depth, "ends": ends, "count": len(known), "vanishes": _vanishes(here)}
 
 
-def _foams(paths: Paths) -> list[dict[str, Any]]:
-    """Return T of the paper's balls on foam at the last load, by law, over T on the neo-Hookean solid."""
+def _foams(paths: Paths) -> Iterator[dict[str, Any]]:
+    """Yield T of the paper's balls on foam at the last load, by law, over T on the neo-Hookean solid."""
     solids = {case.labels["nu"]: path for case, path in paths if case.labels["law"] == "neo_hookean"}
-    rows = []
     for case, path in paths:
         row, beside = path[-1], None
         ratio, error = row["T"] / row["Q"], row["T_error"] / row["Q"]
@@ -88,9 +85,8 @@ def _foams(paths: Paths) -> list[dict[str, Any]]:
         if solid is not None:
             value = ratio / (solid["T"] / solid["Q"])
             beside = value, abs(value) * math.hypot(error / ratio, solid["T_error"] / solid["T"])
-        rows.append({
+        yield {
             "law": case.labels["law"], "nu": case.labels["nu"], "D / R": row["D"], "Q / E1 R²": row["Q"],
             "T / Q": (ratio, error), "T / Q over the solid's": beside,
             "S_Q": (row["S_Q"], row["S_Q_error"]), "S_D": (row["S_D"], row["S_D_error"]),
-        })  # fmt: skip
-    return rows
+        }  # fmt: skip

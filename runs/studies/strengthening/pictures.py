@@ -21,7 +21,6 @@ from runs.display.style import (
     zero_line,
 )
 from runs.studies.framework.case import Case
-from runs.studies.framework.saved_cases import Found
 from runs.studies.strengthening.fitting import Fit
 from runs.studies.strengthening.matrix import SIDES
 
@@ -35,16 +34,16 @@ MEANINGLESS = 3.0
 
 
 @look()
-def draw(found: Found, rows: Mapping[str, Rows], fits: Mapping[str, Fit | None], folder: Path) -> None:
-    """Write strengthening and parameters as .svg and .png."""
-    save_figure(_headline(rows, fits), folder, "strengthening")
-    save_figure(_parameters(found, rows), folder, "parameters")
+def draw(paths: Paths, main: Mapping[str, Rows], fits: Mapping[str, Fit | None], folder: Path) -> None:
+    """Write strengthening and parameters as .svg and .png; ``main`` are the headline's rows by layer."""
+    save_figure(_headline(main, fits), folder, "strengthening")
+    save_figure(_parameters(paths), folder, "parameters")
 
 
-def _headline(rows: Mapping[str, Rows], fits: Mapping[str, Fit | None]) -> Any:
+def _headline(main: Mapping[str, Rows], fits: Mapping[str, Fit | None]) -> Any:
     figure, axes = panels(5.0, 5.0, height=4.4)
     for axis, side, words in zip(axes, SIDES.values(), ("separation, h = 1.16 R", "attraction, h = 6 R"), strict=True):
-        path = rows.get(f"headline-{side}-L2-nu0.48", [])
+        path = main[side]
         bars(axis, path, "S_Q", ORANGE, "o", "$S_Q$, at equal force")
         bars(axis, path, "S_D", GREEN, "^", "$S_D$, at equal approach", shift=0.006)
         known = [(math.sqrt(row["D"]), row["geometry"]) for row in path if row["geometry"] is not None]
@@ -66,27 +65,22 @@ def _headline(rows: Mapping[str, Rows], fits: Mapping[str, Fit | None]) -> Any:
     return figure
 
 
-def _parameters(found: Found, rows: Mapping[str, Rows]) -> Any:
+def _parameters(paths: Paths) -> Any:
     figure, axes = panels(3.5, 3.5, 3.5, height=3.9)
     for axis, group, key in ((axes[0], "poisson", "nu"), (axes[1], "distance", "L")):
-        chosen = [
-            case
-            for case in found.cases
-            if case.labels["group"] in (group, "headline") and rows.get(case.name) and case.labels["h"] < 2.0
-        ]
-        for i, case in enumerate(sorted(chosen, key=lambda case: case.labels[key])):
+        thin = [one for one in paths if one[0].labels["group"] in (group, "headline") and one[0].labels["h"] < 2.0]
+        for i, (case, path) in enumerate(sorted(thin, key=lambda one: one[0].labels[key])):
             name = f"{'ν' if key == 'nu' else 'L / R'} = {case.labels[key]:g}"
-            bars(axis, rows[case.name], "S_Q", COLORS[i % 5], MARKS[i % 6], name)
-        path = [row for case in chosen for row in rows[case.name]]
+            bars(axis, path, "S_Q", COLORS[i % 5], MARKS[i % 6], name)
+        rows = [row for _, path in thin for row in path]
         place = "lower left" if key == "nu" else "upper left"  # a curve of nu leaves the panel at the top
-        finish(axis, path, f"$S_Q$ over {'ν' if key == 'nu' else key}, h = 1.16 R", place)
-    _sign(axes[2], found, rows)
+        finish(axis, rows, f"$S_Q$ over {'ν' if key == 'nu' else key}, h = 1.16 R", place)
+    _sign(axes[2], [one for one in paths if one[0].labels["group"] == "sign"])
     return figure
 
 
-def _sign(axis: Any, found: Found, rows: Mapping[str, Rows]) -> None:
-    for i, case in enumerate(case for case in found.cases if case.labels["group"] == "sign" and rows.get(case.name)):
-        path = rows[case.name]
+def _sign(axis: Any, paths: Paths) -> None:
+    for i, (case, path) in enumerate(paths):
         x, color = [math.sqrt(row["D"]) for row in path], COLORS[i % 5]
         finite, error, linear = ([row[key] / row["Q"] ** 2 for row in path] for key in ("T", "T_error", "T_linear"))
         name = f"h / R = {case.labels['h']:g}"
@@ -94,8 +88,7 @@ def _sign(axis: Any, found: Found, rows: Mapping[str, Rows]) -> None:
         axis.plot(x, linear, color=color, ls=":", lw=1.2)
     legend_or_note(axis)
     zero_line(axis)
-    axis.set(xlabel="√(D/R)", ylabel="$T E_1 R^2 / Q^2$")
-    axis.set_title("sign of T (dotted: small strain)")
+    axis.set(xlabel="√(D/R)", ylabel="$T E_1 R^2 / Q^2$", title="sign of T (dotted: small strain)")
 
 
 def bars(axis: Any, path: Rows, key: str, color: str, marker: str, name: str, shift: float = 0.0) -> None:
@@ -109,9 +102,8 @@ def finish(axis: Any, path: Rows, title: str, corner: str = "upper left") -> Non
     """Finish a panel of factors: legend, axes and their range from the rows of its curves."""
     legend_or_note(axis, loc=corner)
     axis.axhline(1.0, color="0.5", lw=0.8, zorder=0)
-    axis.set_xlabel("√(D/R)")
+    axis.set(xlabel="√(D/R)", title=title)
     axis.set_xlim(left=0.0)
-    axis.set_title(title)
     values = [row["S_Q"] for row in path if row["S_Q"] is not None and abs(row["S_Q"]) < MEANINGLESS]
     if values:  # wide error bars of the smallest loads must not flatten the curves
         low, high = min(0.9, *values), max(1.1, *values)

@@ -31,21 +31,10 @@ def present(found: Found, folder: Path) -> str:
     pictures.draw(every, folder)
     done = [c for c in COMPARISONS if _points(every[c.key])]
     return render(
-        __file__, headline=headline(done, every), close_band=CLOSE_BAND,
+        __file__, close_band=CLOSE_BAND, agreeing=(AGREES, CLOSE), differs=DIFFERS, not_opened=NOT_OPENED,
         summary=[_summary(c, every[c.key]) for c in done],
-        sections=[(c, [_beside(r) for r in _rows(c, every[c.key])]) for c in done], not_opened=NOT_OPENED,
+        sections=[(c, [_beside(r) for r in _rows(c, every[c.key])]) for c in done],
     )  # fmt: skip
-
-
-def headline(done: Sequence[Comparison], every: dict[str, Groups]) -> str:
-    """Return a sentence on the number of sources that agree at all points, and at some."""
-    words = [_word(_points(every[c.key])) for c in done]
-    met = sum(word in (AGREES, CLOSE) for word in words)
-    partly = sum(word.startswith("in ") for word in words)
-    return (
-        f"{len(done)} published results compared: {met} agree at all points, {partly} at some, "
-        f"{len(done) - met - partly} at none; {len(NOT_OPENED)} could not be opened."
-    )
 
 
 def _points(groups: Groups) -> list[Point]:

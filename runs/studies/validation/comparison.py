@@ -10,6 +10,10 @@ from runs.studies.validation.sources import SOURCES, Source
 AGREES, CLOSE, DIFFERS = "agrees", "close", "differs"
 SECOND = "second route"
 """Prefix of a group that is not the source's: another route to our number, not part of the verdict on the source."""
+FORCE_BAR = 1e-4
+"""Relative error of a force of `linear_bem`: the change between two discretisations that its solver permits."""
+RADIUS_BAR = 1e-3
+"""Its relative error of peak pressure, contact radius, and stiffness over radius: difference of two unlike bodies."""
 CLOSE_BAND = 0.01
 """Relative difference up to which a source without a stated error counts as close."""
 

@@ -10,20 +10,8 @@ from linear_bem.problem import Ball, Elastic, Layer
 from runs.studies.framework.case import LINEAR, SMALL, Case
 from runs.studies.framework.saved_cases import Found
 from runs.studies.validation import formulas
-from runs.studies.validation.comparison import SECOND, Comparison, Groups, Point
-from runs.studies.validation.small_strain import (
-    BONDED,
-    CHI,
-    CURVATURE,
-    FACTOR,
-    FORCE_BAR,
-    NAN,
-    RADIUS_BAR,
-    Power,
-    Reference,
-    layered,
-    pressed,
-)
+from runs.studies.validation.comparison import FORCE_BAR, RADIUS_BAR, SECOND, Comparison, Groups, Point
+from runs.studies.validation.small_strain import BONDED, CHI, CURVATURE, FACTOR, Power, Reference, layered, pressed
 
 STEP = 1e-3
 """Relative step in depth of the secant that gives the stiffness."""
@@ -61,7 +49,7 @@ def _punch(references: Mapping[float, Reference]) -> Callable[[Found], Groups]:
                 continue
             radius, slope = stiffness(found.steps(case.name))
             ours = slope / (2.0 * case.problem.layer.contact_modulus * radius)
-            point = Point(f"a / h = {radius:.3g}", radius, ours, RADIUS_BAR * ours, references[nu](radius), NAN)
+            point = Point(f"a / h = {radius:.3g}", radius, ours, RADIUS_BAR * ours, references[nu](radius), math.nan)
             body = "" if case.labels["body"] == "r2" else ", from a body r^4"
             groups.setdefault(f"flat punch, nu = {nu:g}{body}", []).append(point)
         return groups

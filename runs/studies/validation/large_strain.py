@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from linear_bem import solve
@@ -77,16 +77,14 @@ def of_half_space(problem: Problem, depth: float) -> float:
     return force / formulas.sneddon_force(depth, 1.0, problem.layer.contact_modulus)
 
 
-def _softening(found: Found) -> list[tuple[float, float, float]]:
-    """Return depth, force on the half-space over that at small strain, and its error."""
-    rows = []
+def _softening(found: Found) -> Iterator[tuple[float, float, float]]:
+    """Yield depth, force on the half-space over that at small strain, and its error."""
     for case in found.done("half-space"):
         for depth, ours, bar, _ in forces(found, case):
             factor = of_half_space(case.problem, depth)
             value = ours / factor / formulas.sneddon_factor(depth)
             # the effect of the thickness is removed as at small strain; half of it counts as the error
-            rows.append((depth, value, value * (bar / ours + 0.5 * abs(factor - 1.0))))
-    return rows
+            yield depth, value, value * (bar / ours + 0.5 * abs(factor - 1.0))
 
 
 def _beside(found: Found, reference: Callable[[float], float], deepest: float) -> Groups:
@@ -98,10 +96,6 @@ def _beside(found: Found, reference: Callable[[float], float], deepest: float) -
             at = f"D / R = {depth:g}"
             points.append(Point(at, depth, value * sneddon, bar * sneddon, reference(depth), math.nan))
     return {f"h = {DEEP:g} R, thickness taken off as at small strain": points} if points else {}
-
-
-def _shojaeifard(found: Found) -> Groups:
-    return _beside(found, lambda depth: 1.0, HALF_SPACE_DEPTH)
 
 
 def _lin(found: Found) -> Groups:
@@ -123,7 +117,9 @@ def _lin(found: Found) -> Groups:
 SPHERE = "sphere on a half-space, nu = 0.5"
 COMPARISONS = (
     Comparison("long", "Q over Hertz's", "sphere on a bonded layer, nu = 0.5", FINITE, _long),
-    Comparison("shojaeifard", "Q over Hertz's", SPHERE, FINITE, _shojaeifard),
+    Comparison(
+        "shojaeifard", "Q over Hertz's", SPHERE, FINITE, lambda found: _beside(found, lambda _: 1.0, HALF_SPACE_DEPTH)
+    ),
     Comparison("lin", "Q over Hertz's", SPHERE, FINITE, _lin),
 )
 

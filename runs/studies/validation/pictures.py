@@ -37,8 +37,7 @@ def _bonded(axis: Any, groups: Groups) -> None:
             axis.plot(chi, [formulas.series(terms, c) for c in chi], ls="--", lw=1.3, color=color, label=name)
         axis.plot([p.x for p in points], [p.ours for p in points], "ko", ms=4, mfc="none", label="linear_bem")
         axis.set(xscale="log", yscale="log")
-    axis.set(xlabel="χ = √(R D) / h", ylabel="Q / Q Hertz")
-    axis.set_title("paraboloid on a bonded layer, nu = 0.5")
+    axis.set(xlabel="χ = √(R D) / h", ylabel="Q / Q Hertz", title="paraboloid on a bonded layer, nu = 0.5")
 
 
 def _spheres(axis: Any, groups: Groups, half_space: Groups) -> None:
@@ -54,8 +53,7 @@ def _spheres(axis: Any, groups: Groups, half_space: Groups) -> None:
             [p.x for p in points], [p.theirs for p in points], color=GREY, ls="--", lw=1.3, label="half-space, Lin 2009"
         )
         _bars(axis, points, GREY, "half-space, finite_strain")
-    axis.set(xlabel="D / R", ylabel="Q / Q Hertz")
-    axis.set_title("sphere, finite strain, nu = 0.5")
+    axis.set(xlabel="D / R", ylabel="Q / Q Hertz", title="sphere, finite strain, nu = 0.5")
     axis.set_ylim(top=1.4 * axis.get_ylim()[1])  # the legend is above the points
 
 
@@ -74,5 +72,4 @@ def _coated(axis: Any, groups: Groups) -> None:
         )
     if groups:
         axis.set(xscale="log", yscale="log")
-    axis.set(xlabel="a / h", ylabel="effective modulus over the coating's")
-    axis.set_title("coated half-space (Perriot 2004)")
+    axis.set(xlabel="a / h", ylabel="effective modulus over the coating's", title="coated half-space (Perriot 2004)")

@@ -14,16 +14,11 @@ from runs.studies.framework.case import LINEAR, Case
 from runs.studies.framework.pair import PAPER_LOAD, THICK, THIN, as_seen_by, pair
 from runs.studies.framework.saved_cases import Found, pull
 from runs.studies.validation import formulas
-from runs.studies.validation.comparison import Comparison, Groups, Point
+from runs.studies.validation.comparison import FORCE_BAR, RADIUS_BAR, Comparison, Groups, Point
 
 ACCURACY = 1e-6
-FORCE_BAR = 1e-4
-"""Relative error of a force: the change between two discretisations that `linear_bem.solver` permits."""
-RADIUS_BAR = 1e-3
-"""Relative error of peak pressure, contact radius, and stiffness over radius: difference between two unlike bodies."""
 CURVATURE = 100.0
 """Radius over thickness of the body that replaces flat punches: strains remain small."""
-NAN = math.nan
 HALF_SPACE = Layer(1.0, 0.3, math.inf)
 SLOPE, TIP = math.radians(20.0), 0.2
 CHI, FAR = (0.1, 0.2, 0.4, 0.7, 1.0), (2.0, 5.0)
@@ -40,8 +35,7 @@ def pressed(part: str, name: str, ball: Ball, layer: Layer, depth: float, **more
 
 
 def _ball(case: Case, found: Found) -> dict[str, Any]:
-    ball: dict[str, Any] = found.steps(case.name)[-1]["balls"][0]
-    return ball
+    return dict(found.steps(case.name)[-1]["balls"][0])
 
 
 def _forces(
@@ -125,7 +119,7 @@ def layered(references: Mapping[float, Reference], chis: Sequence[float]) -> Cal
     """Return the comparison with factors of chi, by Poisson's ratio."""
 
     def at_chi(case: Case) -> tuple[float, float]:
-        return references[case.labels["nu"]](case.labels["chi"]), NAN
+        return references[case.labels["nu"]](case.labels["chi"]), math.nan
 
     def points(found: Found) -> Groups:
         groups = {}
@@ -200,7 +194,7 @@ COMPARISONS = (
         "hertz", "peak pressure and contact radius", "half of the two spheres: paraboloid, R = 50 mm", LINEAR, _hertz
     ),
     Comparison("sneddon", "Q over Hertz's", SPHERE, LINEAR, _sphere(formulas.sneddon_factor, 0.0)),
-    Comparison("kontomaris", "Q over Hertz's", SPHERE, LINEAR, _sphere(formulas.kontomaris_factor, NAN)),
+    Comparison("kontomaris", "Q over Hertz's", SPHERE, LINEAR, _sphere(formulas.kontomaris_factor, math.nan)),
     Comparison("galin", "Q", "bodies r^n on a half-space, nu = 0.3, D = 0.3", LINEAR, GALIN),
     Comparison("hyperboloid", "Q", "rounded cone on a half-space, nu = 0.3", LINEAR, HYPERBOLOID),
     Comparison("lebedev", FACTOR, BONDED, LINEAR, layered({0.5: formulas.lebedev_factor}, (*CHI, *FAR))),

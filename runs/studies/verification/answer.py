@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from runs.process.files import write_csv
 from runs.studies.framework.case import Case
@@ -11,7 +10,7 @@ from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.saved_cases import Found
 from runs.studies.framework.template import render
 from runs.studies.verification import convergence, nine_balls, one_ball, pictures, routes, small_load
-from runs.studies.verification.part import RIGHT, WIDEST, WRONG, Part, Row
+from runs.studies.verification.part import RIGHT, WIDEST, WRONG, Row
 
 PARTS = (one_ball.PART, small_load.PART, convergence.PART, routes.PART, nine_balls.PART)
 """In the order of the page."""
@@ -32,16 +31,16 @@ def present(found: Found, folder: Path) -> str:
     every = _counts([row for rows in tables.values() for row in rows])
     return render(
         __file__, counts=", ".join(f"{count} {word}" for word, count in every.items()),
-        widest=WIDEST, verdicts=[_verdict(part, tables[part.name], found) for part in PARTS],
+        widest=WIDEST,
+        verdicts=[
+            {"part": p.title, "cases": f"{len(found.done(p.name))} of {len(found.of_part(p.name))}"}
+            | _counts(tables[p.name])
+            for p in PARTS
+        ],
         rows={name: [{**row, "verdict": row["verdict"] or "-"} for row in rows] for name, rows in tables.items()},
         title={p.name: p.title for p in PARTS}, paper_load=PAPER_LOAD, band=convergence.BAND,
         floor=convergence.FLOOR, distance=routes.DISTANCE, shift=routes.SHIFT,
     )  # fmt: skip
-
-
-def _verdict(part: Part, rows: Sequence[Row], found: Found) -> dict[str, Any]:
-    answered = f"{len(found.done(part.name))} of {len(found.of_part(part.name))}"
-    return {"part": part.title, "cases": answered, **_counts(rows)}
 
 
 def _counts(rows: Sequence[Row]) -> dict[str, int]:

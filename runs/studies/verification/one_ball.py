@@ -4,18 +4,16 @@ Published results for one ball are in the study ``validation``; the finite-strai
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from linear_bem.closed_forms import hertz_force
-from linear_bem.problem import Ball, Layer, Problem
+from linear_bem.problem import Ball
 from runs.models import MODELS, Run
 from runs.studies.framework.case import FINITE, SMALL, Case
 from runs.studies.framework.pair import as_seen_by, pressed
 from runs.studies.framework.saved_cases import Found
-from runs.studies.validation.large_strain import case_of
+from runs.studies.validation.large_strain import case_of, forces
 from runs.studies.verification.part import COARSE, Part, claimed
 
 NAME = "one-ball"
@@ -29,7 +27,7 @@ AXISYMMETRIC = {
 }
 """Q over Hertz's at D / R for h / R, nu = 0.4999, of another code: axisymmetric, Q2/P1, quadrature-point contact."""
 Reference = tuple[str, float, float]
-"""Name, force [N], relative band."""
+"""Name, force over Hertz's, relative band."""
 
 
 def cases(quick: bool) -> list[Case]:
@@ -61,61 +59,37 @@ def rows(found: Found) -> list[dict[str, Any]]:
     """Return one row per case and load step, and one for Hertz's limit."""
     table: list[dict[str, Any]] = []
     for case in found.of_part(NAME):
-        steps = found.steps(case.name)
-        for step in steps:
-            reference = _reference(case, step["balls"][0]["approach"])
+        answers = forces(found, case)
+        for depth, ratio, bar, hertz in answers:
+            reference = _reference(case, depth, hertz)
             if reference is not None:
-                table.append(_row(case, step, reference))
-        if case.name == f"{NAME}-hertz" and len(steps) > 1:
-            table.append(_limit(case, steps))
+                table.append(_row(case, depth, (ratio, bar), bar / ratio, reference))
+        if case.name == f"{NAME}-hertz" and len(answers) > 1:
+            # linear in sqrt(R D) / h
+            depths, ratios, bars, _ = np.array([answers[0], answers[-1]]).T
+            weights = extrapolation_weights(depths**0.5)
+            limit, error = float(weights @ ratios), float(np.abs(weights) @ bars)
+            table.append(_row(case, 0.0, (limit, error), error, ("Hertz", 1.0, 0.0)))
     return table
 
 
-def _reference(case: Case, depth: float) -> Reference | None:
+def _reference(case: Case, depth: float, hertz: float) -> Reference | None:
     """Return the reference for the force at an approach [m]; None where the other code has no answer."""
-    layer: Layer = case.problem.layer
     if case.model != FINITE:
-        return "linear_bem", linear_force(case.problem, depth), LINEAR_BAND
-    known = [v for d, v in AXISYMMETRIC[layer.thickness].items() if abs(d - depth) < 1e-9]
-    if not known:
-        return None
-    return "axisymmetric elements", known[0] * hertz_force(depth, 1.0, layer.contact_modulus), AXISYMMETRIC_BAND
+        small = as_seen_by(SMALL, case.problem).with_load("approach", (depth,))
+        force = MODELS["linear_bem"].solve(small, Run(1e-4)).balls[0].normal_force
+        return "linear_bem", force / hertz, LINEAR_BAND
+    known = [v for d, v in AXISYMMETRIC[case.problem.layer.thickness].items() if abs(d - depth) < 1e-9]
+    return ("axisymmetric elements", known[0], AXISYMMETRIC_BAND) if known else None
 
 
-def linear_force(problem: Problem, depth: float) -> float:
-    """Return the force [N] of `linear_bem` at an approach [m]."""
-    small = as_seen_by(SMALL, problem).with_load("approach", (depth,))
-    return MODELS["linear_bem"].solve(small, Run(1e-4)).balls[0].normal_force
-
-
-def _row(case: Case, step: Mapping[str, Any], reference: Reference) -> dict[str, Any]:
-    name, force, band = reference
-    ball, layer = step["balls"][0], case.problem.layer
-    hertz = hertz_force(ball["approach"], 1.0, layer.contact_modulus)
-    bar = step["record"]["normal_force_error"][0] / ball["normal_force"]
-    off = ball["normal_force"] / force - 1.0
+def _row(case: Case, depth: float, ratio: tuple[float, float], bar: float, reference: Reference) -> dict[str, Any]:
+    name, expected, band = reference
+    off = ratio[0] / expected - 1.0
     return {
-        "model": case.model, "h": layer.thickness, "nu": layer.poisson, "D": ball["approach"],
-        "ratio": (ball["normal_force"] / hertz, bar * ball["normal_force"] / hertz),
-        "reference": name, "expected": force / hertz, "off": 100.0 * off, "bar": 100.0 * bar,
-        "band": 100.0 * band,
-        "verdict": claimed(bool(abs(off) <= bar + band), bar),
-    }  # fmt: skip
-
-
-def _limit(case: Case, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return Q over Hertz's extrapolated to no load, linearly in sqrt(R D) / h."""
-    layer = case.problem.layer
-    ends = steps[0], steps[-1]
-    depth, force = (np.array([s["balls"][0][key] for s in ends]) for key in ("approach", "normal_force"))
-    error = np.array([s["record"]["normal_force_error"][0] for s in ends])
-    hertz = np.array([hertz_force(d, 1.0, layer.contact_modulus) for d in depth])
-    weights = extrapolation_weights(depth**0.5)
-    value, bar = float(weights @ (force / hertz)), float(np.abs(weights) @ (error / hertz))
-    return {
-        "model": case.model, "h": layer.thickness, "nu": layer.poisson, "D": 0.0, "ratio": (value, bar),
-        "reference": "Hertz", "expected": 1.0, "off": 100.0 * (value - 1.0), "bar": 100.0 * bar, "band": 0.0,
-        "verdict": claimed(bool(abs(value - 1.0) <= bar), bar),
+        "model": case.model, "h": case.problem.layer.thickness, "nu": case.problem.layer.poisson, "D": depth,
+        "ratio": ratio, "reference": name, "expected": expected, "off": 100.0 * off, "bar": 100.0 * bar,
+        "band": 100.0 * band, "verdict": claimed(bool(abs(off) <= bar + band), bar),
     }  # fmt: skip
 
 

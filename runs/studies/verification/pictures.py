@@ -35,8 +35,7 @@ def _one_ball(axis: Any, rows: Sequence[Row]) -> None:
         axis.plot(
             *zip(*known, strict=True), ls="", marker="x", color=color, label=f"{mine[0]['reference']}, h = {h:g} R"
         )
-    axis.set(xlabel="D / R", ylabel="Q / Q Hertz")
-    axis.set_title("one sphere, finite strain, nu = 0.5")
+    axis.set(xlabel="D / R", ylabel="Q / Q Hertz", title="one sphere, finite strain, nu = 0.5")
 
 
 def _small_load(axis: Any, rows: Sequence[Row]) -> None:
@@ -49,8 +48,7 @@ def _small_load(axis: Any, rows: Sequence[Row]) -> None:
         axis.axhspan(0.99, 1.01, color="0.9", zorder=0)
         axis.set_xticks(range(len(places)), [f"{h:g}\n{distance:g}" for h, distance in places])
         axis.set_ylim(*_limits([row["ratio"] for row in rows]))
-    axis.set(xlabel="h / R (above), L / R (below)", ylabel="T / T linear")
-    axis.set_title("load to 0 (band: 1 %)")
+    axis.set(xlabel="h / R (above), L / R (below)", ylabel="T / T linear", title="load to 0 (band: 1 %)")
 
 
 def _limits(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
@@ -69,8 +67,7 @@ def _convergence(axis: Any, rows: Sequence[Row]) -> None:
         axis.set(xscale="log", yscale="log")
         axis.set_xticks(resolutions, [f"{f:g}" for f in resolutions])
         axis.minorticks_off()
-    axis.set(xlabel="order times fineness", ylabel="error against linear_bem [%]")
-    axis.set_title("convergence, small strain")
+    axis.set(xlabel="order times fineness", ylabel="error against linear_bem [%]", title="convergence, small strain")
 
 
 def _routes(axis: Any, rows: Sequence[Row]) -> None:
@@ -81,5 +78,4 @@ def _routes(axis: Any, rows: Sequence[Row]) -> None:
         axis.plot(x, [100.0 * row["traction off"] for row in rows], "s-", color=BLUE, ms=4, lw=1.2, label="traction")
         axis.plot(x, [100.0 * row["energy off"] for row in rows], "^-", color=ORANGE, ms=4, lw=1.2, label="energy")
         axis.axhline(0.0, color="0.5", lw=0.8, zorder=0)
-    axis.set(xlabel="D / R", ylabel="off the domain integral [%]")
-    axis.set_title("routes to T, thin pair")
+    axis.set(xlabel="D / R", ylabel="off the domain integral [%]", title="routes to T, thin pair")
