@@ -118,12 +118,15 @@ def solve(
     from finite_strain.equilibrium.linear_solver import with_options  # noqa: PLC0415  (imports DOLFINx)
     from finite_strain.mechanics.own_energy import check_own_energy  # noqa: PLC0415
     from finite_strain.mpi import on_all, working_folder  # noqa: PLC0415
-    from finite_strain.own_mesh import OwnMesh  # noqa: PLC0415
     from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
     from finite_strain.refinement_loop import Refinement  # noqa: PLC0415
 
     comm = MPI.COMM_WORLD if comm is None else comm
-    own = None if mesh is None else OwnMesh(mesh, comm)
+    own = None
+    if mesh is not None:
+        from finite_strain.own_mesh import OwnMesh  # noqa: PLC0415  (only for own meshes)
+
+        own = OwnMesh(mesh, comm)
     fit = None if own is None else own.fit
     on_all(comm, lambda: check_own_energy(problem))
     plan = on_all(comm, lambda: plan_run(problem, accuracy, model, Budget(seconds, unknowns), steps, numerics, fit))

@@ -14,7 +14,10 @@ __all__ = [
     "Indentation",
     "bonded_compressible_force",
     "bonded_incompressible_force",
+    "hertz_approach",
+    "hertz_contact_radius",
     "hertz_force",
+    "hertz_peak_pressure",
     "indentation_of_layer",
     "long_force",
     "sneddon_sphere",
@@ -24,6 +27,21 @@ __all__ = [
 def hertz_force(approach: float, radius: float, contact_modulus: float) -> float:
     """Return the force [N] on a paraboloid r^2/2R: Q = 4/3 E* sqrt(R) D^(3/2) [Johnson 1985, eq. 4.23]."""
     return 4.0 / 3.0 * contact_modulus * math.sqrt(radius) * max(approach, 0.0) ** 1.5
+
+
+def hertz_approach(normal_force: float, radius: float, contact_modulus: float) -> float:
+    """Return the approach [m] under a force: the inverse of `hertz_force`."""
+    return float((0.75 * normal_force / (contact_modulus * math.sqrt(radius))) ** (2.0 / 3.0))
+
+
+def hertz_contact_radius(approach: float, radius: float) -> float:
+    """Return the contact radius [m] of a paraboloid on a half-space: a = sqrt(R D) [Johnson 1985, eq. 4.22]."""
+    return math.sqrt(radius * max(approach, 0.0))
+
+
+def hertz_peak_pressure(normal_force: float, contact_radius: float) -> float:
+    """Return the peak pressure [Pa], 3 Q/(2 pi a^2) [Johnson 1985, eq. 4.24]."""
+    return 1.5 * normal_force / (math.pi * contact_radius**2)
 
 
 def sneddon_sphere(contact_radius: float, radius: float, contact_modulus: float) -> tuple[float, float]:

@@ -203,7 +203,10 @@ class _Refined:
     def notes(self, limit: str, wanted: float) -> tuple[str, ...]:
         """Return a note if an error of T, forces or approaches is above the one asked for; ``limit`` ended it."""
         values, touching = quantities(self.contacts), self.contacts.normal_forces > 0.0
-        shares = [float(np.max(self.errors[k][touching] / values[k][touching])) for k in ("normal_force", "approach")]
+        shares = []
+        for name in ("normal_force", "approach"):
+            known = touching & (values[name] > 0.0)  # a ball held at the undeformed surface may be touched by a bulge
+            shares.append(float(np.max(self.errors[name][known] / values[name][known], initial=0.0)))
         if self.reached <= wanted and max(shares) <= _enough(wanted):
             return ()
         return (unreached(limit, self.contacts, (self.reached, wanted), (max(shares), _enough(wanted))),)

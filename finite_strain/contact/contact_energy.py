@@ -81,9 +81,7 @@ class _Slot:
     def _gap(self, contact: Contact, displacement: Any, approach: Any) -> Any:
         X = ufl.SpatialCoordinate(contact.mesh)
         offset = (X[0] - self.x, X[1] - self.y, X[2])
-        if contact.angle and not isinstance(self.kind, str):  # a user's body keeps its orientation in the scene
-            offset, displacement = (_turned(vector, contact.angle) for vector in (offset, displacement))
-        return gap(self.kind, self.fields["radius"], offset, displacement, approach, contact.finite)
+        return gap(self.kind, self.fields["radius"], offset, displacement, approach, contact.finite, contact.angle)
 
 
 class Contact:
@@ -113,7 +111,9 @@ class Contact:
         index_map = self.mesh.topology.index_map(3)
         constants = compat.function_space(self.mesh, 0, discontinuous=True)
         corners = self.mesh.geometry.x[compat.geometry_dofs(self.mesh)[self.cells, :8]]
-        slots = []
+        self.nearest = np.full(index_map.size_local + index_map.num_ghosts, -1)
+        """Of every cell below the top: the ball with the smallest gap, -1 for none (cells,)."""
+        slots, smallest = [], np.full(len(self.cells), np.inf)
         for kind in dict.fromkeys(ball.shape for ball in self.balls):
             numbers = np.array([n for n, ball in enumerate(self.balls) if ball.shape == kind])
             centres = np.array([self.balls[n].position for n in numbers])
@@ -121,6 +121,9 @@ class Contact:
             distances = np.linalg.norm(corners[:, None, :, :2] - centres[None, :, None], axis=-1)
             heights = distances.mean(axis=2) ** 2 / (2.0 * radii)
             heights[distances.min(axis=2) > REACH * np.array([self.balls[n].reach for n in numbers])] = np.inf
+            closer = heights.min(axis=1) < smallest
+            self.nearest[self.cells[closer]] = numbers[heights.argmin(axis=1)[closer]]
+            smallest = np.minimum(smallest, heights.min(axis=1))
             order = np.argsort(heights, axis=1)
             for rank in range(min(CANDIDATES, len(numbers))):
                 chosen = order[:, rank]
@@ -243,14 +246,20 @@ def facing(slope: Any, gradient: Any) -> Any:
     return positive(-ufl.dot(slope, ufl.cross(F[:, 0], F[:, 1])) / ufl.dot(slope, slope))
 
 
-def gap(shape: str | Indenter, radius: Any, offset: Any, displacement: Any, approach: Any, finite: bool) -> Any:
+def gap(
+    shape: str | Indenter, radius: Any, offset: Any, displacement: Any, approach: Any, finite: bool, angle: float
+) -> Any:
     """Return the gap [m] of points ``offset`` (3,) [m] from the ball's axis at the undeformed surface.
+
+    ``angle`` is that of the model's frame in the scene, in which a user's body keeps its orientation.
 
     At finite strain it is the distance of the displaced point from the indenter. At small strain it is the profile over
     the undeformed point minus the vertical displacement: pressure acts vertically, and an in-plane force arises only
     through the profile's slope (the paper's eq. 13).
     """
     indenter, unit = (NAMED[shape], radius) if isinstance(shape, str) else (shape, 1.0)
+    if angle and not isinstance(shape, str):
+        offset, displacement = (_turned(vector, angle) for vector in (offset, displacement))
     if finite:
         x, y, z = ((offset[i] + displacement[i]) / unit for i in range(3))
         return unit * indenter.gap(Symbolic(x), Symbolic(y), Symbolic(z + approach / unit)).expression

@@ -17,7 +17,7 @@ class Extremes:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        nearest = model.contact.slots[0].balls
+        nearest = model.contact.nearest
         self._cells = np.unique(model.contact.cells[nearest[model.contact.cells] >= 0]).astype(np.int32)
         self._balls = nearest[self._cells]
         dofs = compat.cell_dofs(model.space)[self._cells]

@@ -100,7 +100,8 @@ class FieldWriter:
         model, gaps = self.model, []
         for ball, approach in zip(model.reduction.balls, model.contact.approaches, strict=True):
             offset = model.space.tabulate_dof_coordinates() - [*ball.position, 0.0]
-            gaps.append(gap(ball.shape, ball.radius, offset.T, model.nodal.T, approach, model.is_finite))
+            arguments = ball.shape, ball.radius, offset.T, model.nodal.T, approach
+            gaps.append(gap(*arguments, model.is_finite, model.contact.angle))
         return {"gap": np.min(gaps, axis=0)}
 
     def _strain_fields(self) -> dict[str, np.ndarray]:

@@ -232,8 +232,8 @@ def grid_levels(start: Start, report: Report = silent) -> Iterator[GridContacts]
     """
     problem = start.problem
     reach = {i: 1.3 * zone.reach for i, zone in zip(start.touching, start.zones, strict=True)}
-    for i in range(problem.size):
-        reach.setdefault(i, 0.5 * min(reach.values()))
+    smallest = min(reach.values())
+    reach |= {i: 0.5 * smallest for i in range(problem.size) if i not in reach}
     count, before = COARSEST, None
     for _ in range(12):
         patches = shared_patches(problem, start.kernel, reach, count, report)

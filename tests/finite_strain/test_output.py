@@ -20,7 +20,7 @@ from finite_strain.output.field_catalogue import CATALOGUE, FieldChoice
 from finite_strain.output.field_writer import FieldWriter
 from finite_strain.output.top_surface import TopSurface
 from finite_strain.planning.records import Discretisation
-from linear_bem import Elastic, Problem
+from linear_bem import Elastic, Ellipsoid, Problem
 from linear_bem.errors import InvalidProblem
 from tests.finite_strain.scenes import Rig, balls_at, coarse_plan, coarse_rig, on_layer, pair, relatively, single
 from tests.launch import mpirun
@@ -172,6 +172,17 @@ def test_written_contact_is_complementary(pressed: tuple[Rig, Path]) -> None:
     touched = top & (pressure > 0.5 * peak)
     assert touched.any()
     assert np.abs(gap[touched]).max() < 1e-3
+
+
+def test_the_written_gap_of_a_long_body_is_that_of_its_contact(tmp_path: Path) -> None:
+    long = Ellipsoid((1.5, 0.7, 1.0))  # its axes are the scene's, those of the model are turned
+    rig = coarse(pair(0.1, shape=long, distance=2.6, angle=math.pi / 4.0), tmp_path)
+    rig.press()
+    with written(rig, tmp_path, FieldChoice(("gap", "contact_pressure"))) as file:
+        gap, pressure = file["node_fields/gap"][:], file["node_fields/contact_pressure"][:]
+    touched = pressure > 0.5 * pressure.max()
+    assert touched.any()
+    assert np.abs(gap[touched]).max() < 0.01
 
 
 def test_the_surface_carries_the_force_on_the_balls(pressed: tuple[Rig, Path]) -> None:

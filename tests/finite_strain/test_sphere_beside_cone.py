@@ -31,6 +31,14 @@ def test_bodies_that_swap_their_places_keep_their_forces(tmp_path: Path) -> None
     assert forces[1][:, 2] == pytest.approx(forces[0][:, 2], rel=1e-3)
 
 
+def test_the_penetration_under_every_kind_of_body_is_measured(tmp_path: Path) -> None:
+    rig = coarse_rig(coarse_plan(PROBLEM), tmp_path)
+    rig.press()
+    penetration = rig.run.extremes()[:, 1]
+    assert np.all(penetration > 1e-5)
+    assert np.all(penetration < 0.02)
+
+
 def test_the_pull_of_a_sphere_and_a_cone_is_near_that_of_the_linear_model() -> None:
     balls = finite_strain.solve(PROBLEM, accuracy=0.3, numerics=COARSER).balls
     for ball, known in zip(balls, solve(at_small_strain(PROBLEM), 1e-4).balls, strict=True):

@@ -53,6 +53,13 @@ def test_estimate_answers_the_same_from_approach_force_and_radius():
         cf.indentation_of_layer(layer, substrate, 8e-3)
 
 
+def test_hertz_is_consistent():
+    d, r, e = 1e-3, 0.02, 3e6
+    q, a = cf.hertz_force(d, r, e), cf.hertz_contact_radius(d, r)
+    assert cf.hertz_approach(q, r, e) == pytest.approx(d, rel=1e-14)
+    assert cf.hertz_peak_pressure(q, a) == pytest.approx(2 * e / np.pi * np.sqrt(d / r), rel=1e-14)
+
+
 def test_sneddon_sphere_tends_to_hertz_and_has_the_published_series():
     d, q = cf.sneddon_sphere(0.5, 1.0, 1.0)
     series = 1 - d / 10 - d**2 / 840 + 11 * d**3 / 15120 + 1357 * d**4 / 6652800

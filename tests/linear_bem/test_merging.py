@@ -84,3 +84,23 @@ def test_a_pair_that_merges_deep_under_given_approaches_meets_the_same_pair_unde
     assert forced.approach == pytest.approx(depth, rel=5e-3)
     bars = deep.tangential_force_error + forced.tangential_force_error
     assert abs(forced.tangential_force[0] - deep.tangential_force[0]) < bars
+
+
+def test_balls_without_load_beside_merging_contacts_do_not_refine_the_grid():
+    merging = tuple(Ball((x, 0.0), 10.0, asperity=True) for x in (-2.5, 2.5))
+    above = tuple(Ball((6.0 * k - 12.0, 9.0), 10.0, asperity=True) for k in range(5))
+    found = []
+    for balls in (merging, merging + above):
+        depths = (0.8, 0.8, *(len(balls) - 2) * (-0.1,))
+        solution = solve_contact(Problem(Layer(1.0, 0.3, 4.0), balls, Load("approach", depths)), 1e-2)
+        assert isinstance(solution.contacts, GridContacts)
+        found.append(solution.result().balls[0])
+    assert found[1].tangential_force[0] == pytest.approx(found[0].tangential_force[0], rel=1e-2)
+    assert found[1].normal_force == pytest.approx(found[0].normal_force, rel=1e-3)
+
+
+def test_a_ball_at_the_undeformed_surface_that_a_bulge_touches_has_no_relative_error_of_its_approach():
+    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+    result = solve(Problem(Layer(1.0, 0.5, 0.8), balls, Load("approach", (0.2, 0.0))), 1e-10)
+    assert result.balls[1].normal_force > 0.0
+    assert "that of forces and approaches 1.2e-09" in result.solved.notes[0]

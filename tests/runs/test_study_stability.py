@@ -117,3 +117,13 @@ def test_the_table_counts_how_cases_ended(tmp_path: Path) -> None:
         row = next(csv.DictReader(file))
     assert (float(row["T"]), float(row["error of T"])) == (-1e-3, 1e-5)
     assert not [s for s in both.missing(ENDED) if s.startswith("deepest-finite")]
+
+
+def test_a_step_whose_errors_are_unknown_has_none_in_the_table(tmp_path: Path) -> None:
+    (case,) = (c for c in cases(quick=False) if c.name == "usual-finite-strain")
+    case = dataclasses.replace(case, labels={**case.labels, "check": None})
+    steps = path(1.5, 0.01, 0.03, 0.1, iterations=5, cuts=0)
+    steps[-1]["balls"] = [ball(0.1, 0.1**1.5, error=None)] * 2
+    present(Found((case,), {case.name: {"state": "done", "steps": steps}}), tmp_path)
+    with open(tmp_path / "stability.csv", encoding="utf-8") as file:
+        assert next(csv.DictReader(file))["error of T [%]"] == ""

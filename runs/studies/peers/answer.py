@@ -110,7 +110,8 @@ def _solve(arguments: list[str], file: Path) -> str:
             command = [python, "-m", "runs.studies.peers.scene", *arguments]
             done = subprocess.run(command, cwd=root, env=env, check=False, capture_output=True, text=True)
             if done.returncode:
-                return f"{file.stem}: failed: {done.stderr.strip().splitlines()[-1]}"
+                *_, why = f"exit code {done.returncode}", *done.stderr.strip().splitlines()
+                return f"{file.stem}: failed: {why}"
             file.write_text(done.stdout.splitlines()[-1] + "\n", encoding="utf-8")
             return f"{file.stem}: {done.stdout.splitlines()[-1]}"
     return f"{file.stem}: no Python has {package}"

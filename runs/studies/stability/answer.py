@@ -32,7 +32,7 @@ def _row(found: Found, case: Case) -> dict[str, Any]:
     ended, why = verdict(found, case.name, case.labels)
     last = steps[-1]["balls"] if steps else []
     size = max((abs(ball["tangential_force"][0]) for ball in last), default=0.0)
-    error = max((ball["tangential_force_error"] for ball in last), default=0.0)
+    errors = [ball["tangential_force_error"] for ball in last]
     return {
         "case": case.name,
         "words": case.labels["words"],
@@ -41,7 +41,7 @@ def _row(found: Found, case: Case) -> dict[str, Any]:
         **took(found, case),
         "energy balance": energy_balance(steps, meshed_forces(record)),
         "T": (last[0]["tangential_force"][0], last[0]["tangential_force_error"]) if last else None,
-        "error of T [%]": 100.0 * error / size if size else None,
+        "error of T [%]": 100.0 * max(errors) / size if size and None not in errors else None,
         "CPU seconds": record.get("cpu_seconds"),
         "why": why,
     }
