@@ -17,6 +17,8 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any
 
+from scipy.spatial import cKDTree
+
 from linear_bem.errors import InvalidProblem, ThirdBodyError, UnsupportedProblem
 from linear_bem.indenter import Indenter
 from linear_bem.problem import Problem
@@ -205,11 +207,11 @@ def _row(name: str, value: str, step: str, slope: float, unit: str, known: float
 
 def _value(symbol: str, problem: Problem, scale: Scale) -> str:
     units, layer, substrate = scale.units, problem.layer, problem.substrate
-    places = [ball.position for ball in problem.balls]
+    apart, _ = cKDTree(problem.positions).query(problem.positions, 2)  # inf for a single ball
     unit, values = {
         "h": (units.length, [layer.thickness]),
         "R": (units.length, [ball.radius for ball in problem.balls]),
-        "L": (units.length, [min(math.dist(a, b) for i, a in enumerate(places) for b in places[:i])]),
+        "L": (units.length, [float(apart[:, 1].min())]),
         "E1": (units.pressure, [layer.young]),
         "E2": (units.pressure, [] if substrate is None else [substrate.young]),
         "D": (units.length, problem.load.values),

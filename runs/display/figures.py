@@ -261,5 +261,5 @@ def _label_forces(axes: Any, scale: Scale) -> None:
 
 
 def _column(rows: Sequence[Mapping[str, Any]], key: str) -> Array:
-    """Return the numbers or vectors with a key, nan for None."""
+    """Return the numbers or vectors with a key, nan for numbers that are None."""
     return np.array([row[key] for row in rows], dtype=float)
