@@ -247,7 +247,7 @@ def facing(slope: Any, gradient: Any) -> Any:
 
 
 def gap(
-    shape: str | Indenter, radius: Any, offset: Any, displacement: Any, approach: Any, finite: bool, angle: float
+    shape: str | Indenter, radius: Any, offset: Any, displacement: Any, approach: Any, finite: bool, angle: float = 0.0
 ) -> Any:
     """Return the gap [m] of points ``offset`` (3,) [m] from the ball's axis at the undeformed surface.
 
