@@ -56,7 +56,10 @@ def _compute(session: Session) -> Document | None:
     if session.root:
         document = save(result)
         balls = document["finite"]["balls"]
-        between = interpolant.table(document["comparison"], leading_ball(balls))
+        leading = leading_ball(balls)
+        off = interpolant.where_off(document["comparison"], leading, session.scale) if len(balls) > 1 else ""
+        document["answer"] = f"{document['answer']} {off}".rstrip()
+        between = interpolant.table(document["comparison"], leading)
         if between:
             write_csv(session.out / "strengthening.csv", between)
         figures.draw_comparison(session.out, document["comparison"], balls, session.scale, between)

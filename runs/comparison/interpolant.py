@@ -14,11 +14,18 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from runs.display.numbers import Scale, with_error
+
 DEGREE = 3
 POINTS = 41
 """Rows of the table between the first load step and the last."""
 COLUMNS = {"normal_force": (0.0, 3), "strengthening_at_force": (1.0, 1), "strengthening_at_approach": (1.0, 1)}
 """Interpolated quantities: value at zero load, and leading power of x in the deviation from it."""
+RATIOS = {"strengthening_at_force": "S_Q", "strengthening_at_approach": "S_D"}
+OFF = 0.05
+"""Deviation of a ratio from 1 whose approach `where_off` looks for."""
+ROUNDED = 1e-3
+"""Smallest error of that approach over it: the ratio is interpolated linearly between tabulated approaches."""
 
 
 @dataclass(frozen=True)
@@ -80,3 +87,42 @@ def table(rows: Sequence[Mapping[str, Any]], ball: int) -> list[dict[str, float]
             row[name], row[f"{name}_error"] = curve(float(approach))
         answer.append(row)
     return answer
+
+
+def where_off(rows: Sequence[Mapping[str, Any]], ball: int, scale: Scale) -> str:
+    """Return a sentence on the approaches from which the ratios of a ball differ from 1 by `OFF`; empty if unknown."""
+    curves, parts = interpolants(rows, ball), []
+    for name, short in RATIOS.items():
+        if name in curves:
+            curve = curves[name]
+            at, error = _first_off(curve)
+            first, last = (scale.both(curve.approaches[end]) for end in (0, -1))
+            if at is None:
+                parts.append(f"{short} {'perhaps ' if error else ''}nowhere up to D = {last}")
+            elif at == curve.approaches[0]:
+                parts.append(f"{short} already at the first load step (D = {first})")
+            else:
+                parts.append(f"{short} from D = {with_error(at / scale.radius, error / scale.radius)} R on")
+    return f"S differs from 1 by {100 * OFF:.0f} % or more: {', '.join(parts)}." if parts else ""
+
+
+def _first_off(curve: Interpolant) -> tuple[float | None, float]:
+    """Return the first approach [m] at which a ratio is `OFF` from 1, with its error, or None.
+
+    With None the second number is 0 unless the ratio's errors leave open whether it is.
+    """
+    approaches = np.linspace(curve.approaches[0], curve.approaches[-1], 4 * POINTS)
+    values, errors = np.array([curve(float(approach)) for approach in approaches]).T
+
+    def first(off: np.ndarray) -> float | None:
+        beyond = np.flatnonzero(off > OFF)
+        if not len(beyond):
+            return None
+        n = max(int(beyond[0]), 1)
+        return float(approaches[0] if off[0] > OFF else np.interp(OFF, off[n - 1 : n + 1], approaches[n - 1 : n + 1]))
+
+    early, at, late = (first(np.abs(values - 1.0) + sign * errors) for sign in (1, 0, -1))
+    if at is None:
+        return None, 0.0 if early is None else math.inf
+    assert early is not None  # errors are not negative
+    return at, max(at - early, (late or approaches[-1]) - at, ROUNDED * at)

@@ -8,7 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from runs.comparison.interpolant import COLUMNS, Interpolant, interpolants, table
+from runs.comparison.interpolant import COLUMNS, Interpolant, interpolants, table, where_off
+from runs.display.numbers import Scale
 from runs.studies.strengthening.matrix import APPROACHES
 
 CURVES: dict[str, Callable[[float], float]] = {
@@ -56,3 +57,22 @@ def test_a_table_runs_from_the_first_step_to_the_last() -> None:
     assert {row["ball"] for row in found} == {0}
     assert [found[0]["approach"], found[-1]["approach"]] == pytest.approx([0.1, 0.4])
     assert found[20]["normal_force"] == pytest.approx(0.25**1.5, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("slope", "error", "said"),
+    [
+        (0.5, 0.0, "S_Q from D = 0.10000 \u00b1 0.00010 R on"),
+        (-0.5, 0.005, "S_Q from D = 0.100 \u00b1 0.010 R on"),
+        (0.1, 0.0, "S_Q nowhere up to D = 0.2 R"), (0.2, 0.02, "S_Q perhaps nowhere up to D = 0.2 R"),
+        (2.0, 0.001, "S_Q already at the first load step (D = 0.05 R)"),
+    ],
+)  # fmt: skip
+def test_a_comparison_says_from_which_approach_small_strain_is_wrong(slope: float, error: float, said: str) -> None:
+    rows = [
+        {"ball": 0, "approach": d, "normal_force": d, "strengthening_at_force": 1.0 + slope * d,
+         "strengthening_at_force_error": error}
+        for d in (0.05, 0.1, 0.15, 0.2)
+    ]  # fmt: skip
+    assert where_off(rows, 0, Scale(1.0, 1.0)) == f"S differs from 1 by 5 % or more: {said}."
+    assert where_off(rows, 1, Scale(1.0, 1.0)) == ""
