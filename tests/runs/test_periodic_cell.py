@@ -11,11 +11,11 @@ from linear_bem import Ball, Layer, Load, Problem
 from linear_bem.coupled_point_loads import effective_approaches
 from runs.evolution.drift import Drift
 from runs.evolution.hard_balls import HardBalls
-from runs.evolution.lattice_waves import around, growth_rates
 from runs.evolution.pair_forces import PairForces
 from runs.evolution.pair_list import DENSE
 from runs.evolution.providers import provider
 from runs.models import MODELS
+from runs.studies.collective.lattice_waves import around, growth_rates
 from tests.runs.lattices import in_cell, lattice, triangular
 
 ROUNDOFF = 1e-9

@@ -10,13 +10,13 @@ import numpy as np
 from linear_bem.arrays import Array
 from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem
 from runs.evolution.evolving import TABLES, Evolution, open_session
-from runs.evolution.lattice_waves import Wave, fastest
 from runs.evolution.pair_forces import PairForces
 from runs.evolution.providers import provider
 from runs.models import MODELS
 from runs.process.files import read_csv, read_json, write_text
 from runs.scene.scene_file import read_scene
 from runs.session.session import Options
+from runs.studies.collective.lattice_waves import Wave, fastest
 
 POISSON, APPROACH = 0.48, 0.1
 """Poisson's ratio of the layer; approach over R."""

@@ -15,7 +15,7 @@ from linear_bem import BallResult, Elastic, Problem, solve
 from linear_bem.arrays import Array
 from runs.scene.scene_file import Scene, read_scene
 
-SCENE = Path(__file__).parent / "pair.toml"
+SCENE = Path(__file__).resolve().parents[2] / "scenes" / "paper_thin_pair_linear.toml"
 CURVES = 1e-3
 """Required relative accuracy of T for drawn curves."""
 
