@@ -112,6 +112,7 @@ class Evolution:
         if not session.root:
             return None
         document, record = self._run(source)
+        document["sentences"] = showing.sentences(session.scene, document, session.scale.units.length)
         session.save(document, rows(document))
         saved_path.drop_from(self._folder, len(record.moments))
         if pictures:

@@ -59,11 +59,11 @@ def show(session: Session, document: Document) -> None:
         tables.say(
             out, f"{title}; result.json has the final state of each of the {len(document['balls'])} balls", shape
         )
-    tables.say(out, *_sentences(session.scene, document, session.scale.units.length))
+    tables.say(out, *sentences(session.scene, document, session.scale.units.length))
     tables.say(out, *tables.notes(document["solved"]))
 
 
-def _sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
+def sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
     """Return the outcome of the run, one sentence each, in the scene's unit of length."""
     sliding, problem, end, members = scene.reciprocation, scene.problem, document["path"][-1], document["ensemble"]
     assert sliding is not None
