@@ -22,10 +22,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def heard() -> Any:
-    from tests.finite_strain.scenes import Recorder  # noqa: PLC0415  (needs DOLFINx)
+def heard(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    from tests.finite_strain.scenes import Keeper  # noqa: PLC0415  (needs DOLFINx)
 
-    return Recorder()
+    return Keeper(folder, tmp_path_factory.mktemp("kept"))
 
 
 @pytest.fixture(scope="session")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -196,9 +197,11 @@ def quadratic_rig(problem: Problem, folder: Path, numerics: Numerics = COARSER) 
 
 
 class Recorder:
-    """An observer that records its calls."""
+    """An observer that records its calls, in `order` as s(tarted), a(ttempt), n(ewton) and d(one)."""
 
     def __init__(self) -> None:
+        self.order = ""
+        self.arguments: list[tuple[type, ...]] = []
         self.info: dict[str, Any] = {}
         self.attempts: list[dict[str, Any]] = []
         self.residuals: list[float] = []
@@ -206,14 +209,32 @@ class Recorder:
         self.surfaces: list[Any] = []
 
     def started(self, info: dict[str, Any]) -> None:
+        self.order += "s"
         self.info = info
 
     def attempt(self, mesh: str, fraction: float, cuts: int) -> None:
+        self.order += "a"
+        self.arguments.append((type(mesh), type(fraction), type(cuts)))
         self.attempts.append({"mesh": mesh, "fraction": fraction, "cuts": cuts})
 
     def newton(self, iteration: int, residual: float) -> None:
+        self.order += "n"
+        self.arguments.append((type(iteration), type(residual)))
         self.residuals.append(residual)
 
     def step_done(self, step: Any, surface: Any) -> None:
+        self.order += "d"
         self.steps.append(step)
         self.surfaces.append(surface())
+
+
+class Keeper(Recorder):
+    """Also keeps what a run that is killed after each step leaves: copies of its folder, named by the step."""
+
+    def __init__(self, folder: Path, kept: Path) -> None:
+        super().__init__()
+        self.folder, self.kept = folder, kept
+
+    def step_done(self, step: Any, surface: Any) -> None:
+        super().step_done(step, surface)
+        shutil.copytree(self.folder, self.kept / str(step.record["step"]))
