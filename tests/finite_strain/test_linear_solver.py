@@ -39,7 +39,6 @@ DEEP = 0.3
 SOLVER = 1e-7
 """The Krylov method reduces the residual by 1e-8; the error of forces also depends on the condition number."""
 CASES = {
-    "displacements, nu 0.3": ("displacement", 0.3, "fgmres + mg"),
     "displacements, nu 0.48": ("displacement", 0.48, "fgmres + mg"),
     "mixed, nu 0.4999": ("mixed", 0.4999, "fgmres + fieldsplit"),
     "mixed, nu 0.5": ("mixed", 0.5, "fgmres + fieldsplit"),
@@ -96,10 +95,11 @@ def deep_rig(form: str, poisson: float, folder: Path, name: str, **numerics: Any
     return rig_of(in_form(form, pair(DEEP, poisson=poisson)), folder, name, **numerics)
 
 
-PATH = [0.3, 0.7, 1.0]
+PATH = [0.5, 1.0]
+STIFFEST = ["displacements, nu 0.48", "mixed, nu 0.5"]
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", STIFFEST)
 def test_a_direct_solver_and_multigrid_agree_on_a_deep_contact(
     case: str, tmp_path: Path, options: Callable[[str, str], None]
 ) -> None:
@@ -121,7 +121,7 @@ def test_a_direct_solver_and_multigrid_agree_on_a_deep_contact(
     assert forces[1] == relatively(forces[0], SOLVER)
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", STIFFEST)
 def test_a_reused_tangent_finds_the_same_equilibrium_as_new_ones(case: str, tmp_path: Path) -> None:
     form, poisson, _ = CASES[case]
     found = []

@@ -187,23 +187,30 @@ def test_constrained_components_keep_rows_of_their_own_at_every_order(tmp_path: 
         fine, fixed = coarse, held
 
 
-@pytest.mark.parametrize(
-    ("form", "most", "numerics"), [("displacement", 25, DEFAULT), ("mixed", 35, COARSER)], ids=["displacement", "mixed"]
-)
-def test_iterations_are_few_and_grow_little_with_the_mesh(
-    form: str, most: int, numerics: Numerics, tmp_path: Path
-) -> None:
+MOST = {"displacement": 20, "mixed": 30}
+"""Iterations; 13 and 20 are taken at order 3."""
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_iterations_are_few_at_order_3(form: str, tmp_path: Path) -> None:
+    iterations, residual = solve(touched_rig(form, 3, 1.0, tmp_path))
+    assert residual < 2e-8
+    assert iterations <= MOST[form]
+
+
+@pytest.mark.parametrize(("form", "numerics"), [("displacement", DEFAULT), ("mixed", COARSER)], ids=FORMS)
+def test_iterations_grow_little_with_the_mesh(form: str, numerics: Numerics, tmp_path: Path) -> None:
     taken = []
     for fineness in (1.0, 1.5):
         (tmp_path / str(fineness)).mkdir()
-        rig = touched_rig(form, 3, fineness, tmp_path / str(fineness), numerics)
+        rig = touched_rig(form, 2, fineness, tmp_path / str(fineness), numerics)
         iterations, residual = solve(rig)
         assert residual < 2e-8
         taken.append((rig.model.unknowns, iterations))
         rig.run.close()
     (few, coarse), (many, fine) = taken
     assert many > 2 * few
-    assert fine <= most
+    assert fine <= MOST[form]
     assert fine <= 1.3 * coarse
 
 
