@@ -38,20 +38,60 @@ def with_law(law: Any) -> Any:
 PROGRAM = "tests.finite_strain.library"
 
 
-def said_by(ranks: int) -> Any:
-    """Return what the program of forty lines printed; on one rank this process runs it."""
-    if ranks == 1:
-        with redirect_stdout(io.StringIO()) as out:
-            runpy.run_module(PROGRAM, run_name="__main__")
-        return json.loads(out.getvalue())
-    done = mpirun(ranks, "-m", PROGRAM, timeout=600.0)
+ON_TWO = """
+import json, runpy
+from dataclasses import replace
+from mpi4py import MPI
+import finite_strain
+from finite_strain.mpi import on_all
+from linear_bem import FiniteStrain, InvalidProblem
+from tests.finite_strain.test_library import PROBLEM, PROGRAM, psi
+
+runpy.run_module(PROGRAM, run_name="__main__")
+comm, said = MPI.COMM_WORLD, {}
+
+def refuse():
+    raise InvalidProblem("no")
+
+def law(F):
+    return 1 / 0 if comm.rank else psi(F)
+
+def body(x, y):
+    return 1 / 0 if comm.rank else (x**2 + y**2) / 2
+
+ball = replace(PROBLEM.balls[0], shape=body)
+for name, run in {
+    "function": lambda: on_all(comm, (lambda: 1 / 0) if comm.rank else (lambda: None)),
+    "refusal": lambda: on_all(comm, refuse if comm.rank else (lambda: None)),
+    "law": lambda: finite_strain.solve(replace(PROBLEM, finite_strain=FiniteStrain(law))),
+    "body": lambda: finite_strain.solve(replace(PROBLEM, balls=(ball,))),
+}.items():
+    try:
+        run()
+    except Exception as error:
+        said[name] = f"{type(error).__name__}: {error}"
+said = comm.gather(said)
+if said is not None:
+    print(json.dumps(said))
+"""
+"""The program of forty lines on two ranks, and then what each rank hears of a function that fails on the second."""
+
+
+@pytest.fixture(scope="module")
+def on_two() -> Any:
+    done = mpirun(2, "-c", ON_TWO, timeout=600.0)
     assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    return [json.loads(line) for line in done.stdout.splitlines()[:2]]
 
 
 @pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.mpi)])
-def test_forty_lines_reproduce_a_scenes_answer(ranks: int) -> None:
-    said = said_by(ranks)
+def test_forty_lines_reproduce_a_scenes_answer(ranks: int, request: pytest.FixtureRequest) -> None:
+    if ranks == 1:  # this process runs them
+        with redirect_stdout(io.StringIO()) as out:
+            runpy.run_module(PROGRAM, run_name="__main__")
+        said = json.loads(out.getvalue())
+    else:
+        said = request.getfixturevalue("on_two")[0]
     own, named = (said[name]["balls"][0] for name in ("own", "named"))
     assert own["normal_force"] == relatively(named["normal_force"], 1e-8)
     assert own["tangential_force"][0] == relatively(named["tangential_force"][0], 1e-8)
@@ -147,54 +187,20 @@ def test_no_law_is_refused(law: Any, words: str) -> None:
         with_law(law)
 
 
+FAILED = "the run or a function of the user failed on rank(s) 1"
+
+
 @pytest.mark.mpi
-def test_a_function_that_fails_on_one_rank_ends_the_run_on_all() -> None:
-    code = (
-        "from mpi4py import MPI\n"
-        "from finite_strain.mpi import on_all\n"
-        "from linear_bem import InvalidProblem\n"
-        "def refuse():\n"
-        "    raise InvalidProblem('no')\n"
-        "comm, said = MPI.COMM_WORLD, []\n"
-        "for fail in (lambda: 1 / 0, refuse):\n"
-        "    try:\n"
-        "        on_all(comm, fail if comm.rank else lambda: None)\n"
-        "    except Exception as error:\n"
-        "        said.append(f'{comm.rank}: {type(error).__name__} {error}')\n"
-        "for lines in comm.gather(said) or ():\n"
-        "    print(*lines, sep='\\n')\n"
-    )
-    done = mpirun(2, "-c", code, timeout=60.0)
-    assert sorted(done.stdout.splitlines()) == [
-        # a run frees its solvers after a ThirdBodyError, which takes all ranks
-        "0: RuntimeError the run or a function of the user failed on rank(s) 1",
-        "0: ThirdBodyError the run or a function of the user failed on rank(s) 1",
-        "1: InvalidProblem no",
-        "1: ZeroDivisionError division by zero",
-    ]
+def test_a_function_that_fails_on_one_rank_ends_the_run_on_all(on_two: Any) -> None:
+    here, there = on_two[1]
+    # a run frees its solvers after a ThirdBodyError, which takes all ranks
+    assert (here["function"], here["refusal"]) == (f"RuntimeError: {FAILED}", f"ThirdBodyError: {FAILED}")
+    assert (there["function"], there["refusal"]) == ("ZeroDivisionError: division by zero", "InvalidProblem: no")
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("part", ["law", "body"])
-def test_a_law_or_body_that_fails_on_one_rank_ends_the_run_on_all(part: str) -> None:
-    code = (
-        "import dataclasses, finite_strain\n"
-        "from mpi4py import MPI\n"
-        "from linear_bem import FiniteStrain\n"
-        "from tests.finite_strain.test_library import PROBLEM, psi\n"
-        "def law(F):\n"
-        "    return 1 / 0 if MPI.COMM_WORLD.rank else psi(F)\n"
-        "def body(x, y):\n"
-        "    return 1 / 0 if MPI.COMM_WORLD.rank else (x**2 + y**2) / 2\n"
-        "ball = dataclasses.replace(PROBLEM.balls[0], shape=body)\n"
-        "changed = {'law': {'finite_strain': FiniteStrain(law)}, 'body': {'balls': (ball,)}}\n"
-        "try:\n"
-        f"    finite_strain.solve(dataclasses.replace(PROBLEM, **changed[{part!r}]))\n"
-        "except Exception as error:\n"
-        "    said = MPI.COMM_WORLD.gather(str(error))\n"
-        "    print(*(said or ()), sep='\\n', end='')\n"
-    )
-    done = mpirun(2, "-c", code, timeout=120.0)
-    here, there = done.stdout.splitlines()
-    assert here == "the run or a function of the user failed on rank(s) 1"
-    assert "division by zero" in there
+def test_a_law_or_body_that_fails_on_one_rank_ends_the_run_on_all(part: str, on_two: Any) -> None:
+    here, there = on_two[1]
+    assert here[part].endswith(f": {FAILED}")
+    assert "division by zero" in there[part]
