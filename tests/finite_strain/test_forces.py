@@ -19,8 +19,8 @@ from finite_strain.discretisation.nodal_values import element_of
 from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.geometry.symmetry import Image, ModelBall, Reduction
 from tests.finite_strain.scenes import (
+    COARSER,
     CUBIC,
-    ONE_LOAD,
     QUADRATIC,
     SHAPES,
     UNEQUAL,
@@ -54,7 +54,7 @@ def pressed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     """A coarse model in equilibrium at full load with its contacts augmented."""
     problem, kind = CASES[request.param]
     rig = coarse_rig(coarse_plan(problem, kind), tmp_path_factory.mktemp("forces"))
-    *_, last = rig.press([0.4, 0.7, 1.0])
+    *_, last = rig.press([0.5, 1.0])
     assert rig.path.augment(last)
     settle(rig)
     return rig
@@ -233,9 +233,9 @@ def test_the_tangential_force_is_the_slope_of_the_energy_by_distance_at_given_ap
     kind: str, poisson: float, tmp_path: Path
 ) -> None:
     found, forces, step = [], [], 0.05
-    plan = coarse_plan(pair(0.2, shape=SHAPES[kind], poisson=poisson), kind, numerics=replace(ONE_LOAD, growth=2.0))
+    plan = coarse_plan(pair(0.2, shape=SHAPES[kind], poisson=poisson), kind, numerics=COARSER)
     rig = coarse_rig(plan, tmp_path, CUBIC)
-    rig.press([0.4, 0.7, 1.0])
+    rig.press([0.5, 1.0])
     for shift in (0.0, step, step):
         shift_by(rig, shift)
         rig.settle()

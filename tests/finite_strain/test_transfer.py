@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 from dolfinx.fem import Function
+from dolfinx.mesh import CellType, create_box
 from mpi4py import MPI
 
 from finite_strain import compat
@@ -163,21 +165,6 @@ def test_a_point_between_the_cells_of_a_mesh_is_refused(two: list[Any]) -> None:
         Locations().find(kept, nodes.mean(axis=1))
 
 
-@pytest.mark.mpi
-def test_a_rank_without_cells_has_an_empty_table_of_their_nodes() -> None:
-    code = (
-        "import dolfinx\n"
-        "from mpi4py import MPI\n"
-        "from finite_strain import compat\n"
-        "corners, kind = [[0.0] * 3, [1.0] * 3], dolfinx.mesh.CellType.hexahedron\n"
-        "table = compat.geometry_dofs(dolfinx.mesh.create_box(MPI.COMM_WORLD, corners, [1, 1, 1], kind))\n"
-        "shapes = MPI.COMM_WORLD.gather(table.shape, root=0)\n"
-        "print(sorted(shapes) if shapes else '')"
-    )
-    done = mpirun(2, "-c", code, timeout=60.0)
-    assert "[(0, 8), (1, 8)]" in done.stdout, done.stderr
-
-
 def test_points_are_searched_once_in_a_mesh(two: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
     coarse, fine = (fields_on(mesh, 3) for mesh in two)
     searched, search = [], point_location._located
@@ -200,28 +187,45 @@ def test_points_are_searched_once_in_a_mesh(two: list[Any], monkeypatch: pytest.
     assert searches(taken(0.5, coarse), fine) == 2
 
 
-@pytest.mark.mpi
-def test_states_are_transferred_between_one_and_two_ranks(two: list[Any], tmp_path: Path) -> None:
-    fields = fields_on(two[0], 3)
+@pytest.fixture(scope="module")
+def on_two(two: list[Any], tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path]:
+    """What `main` said on two ranks, and its folder."""
+    folder, fields = tmp_path_factory.mktemp("ranks"), fields_on(two[0], 3)
     fill(fields, 3)
-    taken(0.5, fields).save(tmp_path / "one.npz")
-    done = mpirun(2, "-m", "tests.finite_strain.test_transfer", tmp_path)
+    taken(0.5, fields).save(folder / "one.npz")
+    done = mpirun(2, "-m", "tests.finite_strain.test_transfer", folder)
     assert done.returncode == 0, done.stderr
-    assert all(float(word) < ROUNDOFF for word in done.stdout.split())
-    assert len(done.stdout.split()) == 2
-    assert mismatch(fields_on(two[1], 3), Snapshot.load(tmp_path / "two.npz"), 3) < ROUNDOFF
+    return json.loads(done.stdout), folder
+
+
+@pytest.mark.mpi
+def test_states_are_transferred_between_one_and_two_ranks(two: list[Any], on_two: tuple[Any, Path]) -> None:
+    said, folder = on_two
+    assert len(said["mismatches"]) == 2
+    assert max(said["mismatches"]) < ROUNDOFF
+    assert mismatch(fields_on(two[1], 3), Snapshot.load(folder / "two.npz"), 3) < ROUNDOFF
+
+
+@pytest.mark.mpi
+def test_a_rank_without_cells_has_an_empty_table_of_their_nodes(on_two: tuple[Any, Path]) -> None:
+    assert on_two[0]["tables"] == [[0, 8], [1, 8]]
 
 
 def main() -> None:
-    """On two ranks: load the state of one, save a state of two, and print the mismatch of each rank."""
+    """On two ranks: load the state of one, save a state of two, and print the mismatch of each rank.
+
+    And the shape of each rank's table of the nodes of one cell.
+    """
     folder, comm = Path(sys.argv[1]), MPI.COMM_WORLD
+    cell = create_box(comm, [[0.0] * 3, [1.0] * 3], [1, 1, 1], CellType.hexahedron)
+    tables = comm.gather(compat.geometry_dofs(cell).shape, root=0)
     coarse, fine = (fields_on(mesh, 3) for mesh in meshes(folder, comm))
     found = comm.gather(mismatch(fine, Snapshot.load(folder / "one.npz"), 3), root=0)
     fill(coarse, 3)
     state = taken(0.5, coarse)
-    if found is not None:
+    if tables is not None:
         state.save(folder / "two.npz")
-        print(*found)
+        print(json.dumps({"mismatches": found, "tables": sorted(tables)}))
 
 
 if __name__ == "__main__":
