@@ -26,6 +26,8 @@ from tests.finite_strain.scenes import COARSER, Recorder, light_pair, relatively
 
 BREAKS = 0.7
 """Fraction of the load beyond which no equilibrium is found."""
+SHORTEST = replace(COARSER, shortest_step=0.3)
+"""No step towards `BREAKS` between those asked for."""
 
 
 @pytest.fixture
@@ -66,7 +68,7 @@ def test_steps_before_a_failing_load_are_kept_and_the_load_is_not_tried_again(
     for is_known in (False, True):
         heard = Recorder()
         with pytest.raises(NotConverged, match=r"no equilibrium.*passes the budget.*the steps before are kept in"):
-            pressed(folder=tmp_path, observer=heard, unknowns=1.5 * usual.solved.unknowns)
+            pressed(folder=tmp_path, observer=heard, unknowns=1.5 * usual.solved.unknowns, numerics=SHORTEST)
         if is_known:
             assert not heard.attempts
         else:
@@ -92,7 +94,7 @@ def test_a_step_that_is_cut_back_ends_in_the_same_equilibrium(breaking: dict[str
 
 def test_a_run_goes_on_without_a_pair_that_fails_and_reports_it(breaking: dict[str, Any], usual: Any) -> None:
     breaking |= {"orders": (2, 3), "small": True}
-    alone = pressed()
+    alone = pressed(numerics=SHORTEST)
     first, last = alone.steps
     assert first.record["pair_weight"] == [1.0, 1.0]
     assert last.record["pair_weight"] == [0.0, 0.0]
