@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,8 @@ from tests.finite_strain.scenes import (
 )
 
 STEPS = (0.1, 0.4, 1.0)
+AT_ONCE = replace(COARSER, largest_step=1.0)
+"""Small strain needs no load steps."""
 
 
 def strengthening(step: Any, problem: Any) -> float:
@@ -150,7 +153,7 @@ def test_every_indenter_meets_the_linear_model_at_small_strain(name: str, tmp_pa
 def test_forces_on_three_balls_in_an_l_match_the_linear_model_and_sum_to_zero() -> None:
     balls = balls_at((0.0, 0.0), (2.2, 0.0), (0.0, 2.5), shape="paraboloid")
     problem = at_small_strain(on_layer(balls, Load("approach", (0.2,) * 3), poisson=0.3))
-    result = finite_strain.solve(problem, model="small_strain", accuracy=0.9, numerics=COARSER)
+    result = finite_strain.solve(problem, model="small_strain", accuracy=0.9, numerics=AT_ONCE)
     linear = linear_bem.solve(problem)
     total, error = np.zeros(2), 0.0
     for ball, reference in zip(result.balls, linear.balls, strict=True):
@@ -165,9 +168,9 @@ def test_forces_on_three_balls_in_an_l_match_the_linear_model_and_sum_to_zero() 
 
 def test_the_force_on_a_deep_ball_is_known_from_its_light_neighbour() -> None:
     problem = at_small_strain(
-        on_layer(balls_at((-1.0, 0.0), (1.0, 0.0), shape="paraboloid"), Load("approach", (0.2, 0.01)))
+        on_layer(balls_at((-1.0, 0.0), (1.0, 0.0), shape="paraboloid"), Load("approach", (0.2, 0.05)))
     )
-    result = finite_strain.solve(problem, model="small_strain", accuracy=0.9, numerics=COARSER)
+    result = finite_strain.solve(problem, model="small_strain", accuracy=0.9, numerics=AT_ONCE)
     truth = linear_bem.solve(problem).balls[0].tangential_force[0]
     (deep, _), (light, _) = (ball.tangential_force for ball in result.balls)
     assert deep == relatively(-light, 1e-12)
@@ -230,9 +233,8 @@ def test_if_multipliers_are_of_no_use_a_step_starts_from_the_state_that_they_cam
     assert np.array_equal(rig.model.nodal, good.values[0])
 
 
-@pytest.mark.parametrize("poisson", [0.3, 0.48])
-def test_unloading_and_reloading_retrace_the_first_loading(poisson: float, tmp_path: Path) -> None:
-    rig = quadratic_rig(pair(0.3, poisson=poisson), tmp_path)
+def test_unloading_and_reloading_retrace_the_first_loading(tmp_path: Path) -> None:
+    rig = quadratic_rig(pair(0.3), tmp_path)
     seen: dict[float, list[tuple[float, float, float]]] = {}
     for record in rig.path.steps([0.25, 0.5, 1.0, 0.5, 0.25, 1.0, 0.5]):
         rig.settle()

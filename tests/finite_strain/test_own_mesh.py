@@ -28,7 +28,7 @@ from linear_bem import Elastic, InvalidProblem, Load, Problem
 from linear_bem.result import FAINT
 from linear_bem.solver import solve
 from meshes.layer import gmsh_session
-from tests.finite_strain.scenes import SHAPES, at_small_strain, pair, relatively, single
+from tests.finite_strain.scenes import ONE_LOAD, SHAPES, at_small_strain, pair, relatively, single
 from tests.launch import mpirun
 
 COMM = MPI.COMM_SELF
@@ -74,20 +74,18 @@ SMALL = at_small_strain(pair(0.1, poisson=0.3, shape=SHAPES["small_strain"]))
 
 
 @pytest.fixture(scope="module")
-def on_two() -> Any:
-    done = mpirun(2, "-m", "tests.finite_strain.own_mesh", timeout=600.0)
+def on_two(result: Any, folder: Path) -> Any:  # a run in this folder, with its mesh
+    done = mpirun(2, "-m", "tests.finite_strain.own_mesh", folder, timeout=600.0)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
 
 @pytest.mark.mpi
-def test_the_mesh_of_a_scenes_run_gives_the_scenes_answer_on_two_ranks(
-    on_two: Any,
-) -> None:  # on one: the tutorial
-    scene, own = (on_two[name]["balls"][0] for name in ("scene", "file"))
-    assert own["normal_force"] == relatively(scene["normal_force"], 1e-8)
-    assert own["tangential_force"][0] == relatively(scene["tangential_force"][0], 1e-8)
-    assert own["tangential_force_error"] == relatively(scene["tangential_force_error"], 1e-6)
+def test_the_mesh_of_a_scenes_run_gives_the_scenes_answer_on_two_ranks(on_two: Any, result: Any) -> None:
+    scene, own = result.balls[0], on_two["file"]["balls"][0]  # on one rank: the tutorial
+    assert own["normal_force"] == relatively(scene.normal_force, 1e-8)
+    assert own["tangential_force"][0] == relatively(scene.tangential_force[0], 1e-6)
+    assert own["tangential_force_error"] == relatively(scene.tangential_force_error, 1e-4)
     assert on_two["alike"] == [True, True]  # read by the user, the mesh is the file's
 
 
@@ -95,7 +93,7 @@ def on_block(meshed: Any, folder: Path) -> tuple[Any, Any, Any]:
     """Return the answer on a mesh, the mesh that a user's function got, and the fields written."""
     seen: list[Any] = []
     answer = finite_strain.solve(
-        SMALL, model="small_strain", accuracy=0.3, mesh=meshed, folder=folder, comm=COMM,
+        SMALL, model="small_strain", accuracy=0.3, mesh=meshed, folder=folder, comm=COMM, numerics=ONE_LOAD,
         inspect=lambda _, functions: seen.append(functions["displacement"].function_space.mesh),
     )  # fmt: skip
     from runs.pictures.written_step import read_whole  # noqa: PLC0415
@@ -140,8 +138,9 @@ def test_a_rank_without_cells_does_no_harm(on_two: Any) -> None:
     assert on_two["cells"] == [math.prod(len(lines) - 1 for lines in SPARSE.values()), 0]
     for name, options in SOLVERS.items():
         alone = finite_strain.solve(
-            SMALL, mesh=block(**SPARSE), model="small_strain", accuracy=0.3, comm=COMM, solver_options=options
-        ).balls[0]
+            SMALL, mesh=block(**SPARSE), model="small_strain", accuracy=0.3, comm=COMM, numerics=ONE_LOAD,
+            solver_options=options,
+        ).balls[0]  # fmt: skip
         found = on_two[name]["balls"][0]
         assert found["normal_force"] == relatively(alone.normal_force, 1e-5)
         assert found["tangential_force"][0] == relatively(alone.tangential_force[0], 1e-4)
@@ -314,7 +313,7 @@ def test_the_error_of_a_single_ball_beside_a_wall_is_that_of_what_is_not_given(
 ) -> None:
     alone = replace(SMALL, balls=SMALL.balls[1:], load=Load(kind, (value or SMALL.load.values[1],)))
     solved = finite_strain.solve(
-        alone, model="small_strain", accuracy=0.3, mesh=block(**SPARSE), comm=COMM, steps=(1.0,)
+        alone, model="small_strain", accuracy=0.3, mesh=block(**SPARSE), comm=COMM, numerics=ONE_LOAD
     ).solved
     assert solved.accuracy["relative_to"]["what"] == f"the {what}"
     assert not any(note.startswith(FAINT) for note in solved.notes)
