@@ -1,4 +1,4 @@
-"""The light run again: on two ranks, stopped and resumed, with damaged files."""
+"""The light run again: on two and four ranks, stopped and resumed, with damaged files."""
 
 from __future__ import annotations
 
@@ -47,19 +47,20 @@ def same_fields(one: Path, other: Path, tolerance: float) -> None:
 
 @pytest.fixture(scope="module")
 def on_two(tmp_path_factory: pytest.TempPathFactory, result: Any, heard: Keeper) -> tuple[Any, Path]:
-    """What four runs on two ranks said, and the folder of their folders: "whole" continues that of one."""
+    """What three runs on two ranks said, and the folder of their folders: "whole" continues that of one."""
     base = tmp_path_factory.mktemp("two")
     shutil.copytree(heard.kept / "1", base / "whole")
     (base / "unreadable").mkdir()
     (base / "unreadable" / NAME).write_bytes(b"")
-    return press(2, base, "stopped", "whole", "failing", "unreadable"), base
+    return press(2, base, "whole", "failing", "unreadable"), base
 
 
 @pytest.fixture(scope="module")
-def stopped(on_two: tuple[Any, Path]) -> Path:
-    """The folder of a run on two ranks that was stopped after its first step."""
-    assert on_two[0]["stopped"] == ["Stopped: "] * 2
-    return on_two[1] / "stopped"
+def stopped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run on four ranks that was stopped after its first step."""
+    base = tmp_path_factory.mktemp("four")
+    assert press(4, base, "stopped") == {"stopped": ["Stopped: "] * 4}
+    return base / "stopped"
 
 
 @pytest.mark.mpi
@@ -80,7 +81,8 @@ def test_two_ranks_that_go_on_with_a_run_of_one_give_its_answer(
 
 
 @pytest.mark.mpi
-def test_a_run_on_two_ranks_that_is_stopped_within_a_mesh_resumes_there_on_one_with_the_same_answer(
+@pytest.mark.slow
+def test_a_run_on_four_ranks_that_is_stopped_within_a_mesh_resumes_there_on_one_with_the_same_answer(
     result: Any, folder: Path, stopped: Path, tmp_path: Path
 ) -> None:
     for name in ("mesh_0.msh", "mesh_1.msh"):
@@ -91,7 +93,7 @@ def test_a_run_on_two_ranks_that_is_stopped_within_a_mesh_resumes_there_on_one_w
     again = Recorder()
     found = solve(tmp_path, again)
     assert again.info["resumed_steps"] == 1
-    # the path finder's answers and the first step on this mesh, by two ranks, are kept
+    # the path finder's answers and the first step on this mesh, by four ranks, are kept
     assert {attempt["mesh"] for attempt in again.attempts} == {"main", "main, small strain"}
     assert {attempt["fraction"] for attempt in again.attempts} == {1.0}
     assert_same_answer(found.to_dict(), result.to_dict(), PARALLEL)
