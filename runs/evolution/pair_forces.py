@@ -33,6 +33,9 @@ from linear_bem.touching import wrapped
 from runs.evolution.forces import State
 from runs.evolution.pair_list import CUT, DENSE, CutLaw, PairList, SparseAndMesh
 
+FEW = 20
+"""Number of balls in a cell up to which their influence is formed as a matrix: a state applies it more often."""
+
 
 class SingleBall:
     """Force of one ball alone over its approach, from a few states; power laws outside them."""
@@ -150,6 +153,8 @@ class PairForces:
             x, y = wrapped(positions, self._waves.lengths).T
             points = self._waves.at(x, y, slopes=True)
             mutual = SparseAndMesh(matrix, self._waves, points)
+            if len(positions) <= FEW:
+                mutual = np.stack([mutual @ load for load in np.eye(len(positions))], axis=1)
         else:
             mutual = matrix.toarray() if len(positions) <= DENSE else matrix
         effective = effective_approaches(mutual, self._force_and_slope, self._approaches, self._approaches)
