@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import BSpline, make_interp_spline
+from scipy.interpolate import PPoly, make_interp_spline
 
 from linear_bem.arrays import Array
 from linear_bem.errors import InvalidProblem, UnsupportedProblem
@@ -41,7 +41,7 @@ def _transformed(solid: Elastic, shear: float, state: Array, t: Array) -> dict[s
 
 
 @lru_cache(maxsize=32)
-def _table(layer: Elastic, substrate: Elastic | None, depth: float, name: str) -> tuple[BSpline, float]:
+def _table(layer: Elastic, substrate: Elastic | None, depth: float, name: str) -> tuple[PPoly, float]:
     """Return a field's tabulated part times 1 + rho^2 (stresses) or its root, as a spline over asinh(r/h), and its end.
 
     At h = 1: in the layer the bond's part, in the substrate the whole field.
@@ -59,7 +59,7 @@ def _table(layer: Elastic, substrate: Elastic | None, depth: float, name: str) -
 
     y = np.arange(0.0, np.arcsinh(3e3), 0.03)
     found = hankel(tabulated, np.sinh(y), FIELDS[name]) * np.cosh(y) ** (1 if name in PLANAR else 2)
-    return even_spline(y, found, 10, odd=FIELDS[name] == 1), float(y[-1])
+    return PPoly.from_spline(even_spline(y, found, 10, odd=FIELDS[name] == 1)), float(y[-1])
 
 
 def _boussinesq(nu: float, r: Array, z: float, name: str) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import pytest
 from runs import studies
 from runs.studies.collective import answer as collective
 from runs.studies.experiments import answer as experiments
+from runs.studies.figures import answer as figures
 from runs.studies.peers import answer as peers
 from tests.launch import thirdbody
 
@@ -128,20 +130,26 @@ def test_the_law_has_touching_balls_change_sign_where_the_solver_does(out: Path)
     assert seen["16 mm"] < 0.0 < seen["10 mm"] < seen["7 mm"]
 
 
-def test_finished_parts_are_not_computed_again(out: Path) -> None:
-    before = {part: (out / f"{part}.json").stat().st_mtime_ns for part in PARTS}
-    (out / "figure_9_pressure.svg").unlink()  # as a run that was killed leaves it
-    done = thirdbody("study", "figures", "--quick", "--out", out)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr.count("taken from") == len(PARTS)
-    assert (out / "figure_9_pressure.svg").exists()
-    assert before == {part: (out / f"{part}.json").stat().st_mtime_ns for part in PARTS}
-    for part in PARTS[1:]:
-        (out / f"{part}.json").unlink()
-    shown = thirdbody("study", "figures", "--quick", "--tables", "--out", out)
+def test_finished_parts_are_not_computed_again(
+    out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = Path(shutil.copytree(out, tmp_path / "figures"))
+    kept = PARTS[:2]
+    for part in PARTS[2:]:
+        (folder / f"{part}.json").unlink()
+    before = {part: (folder / f"{part}.json").stat().st_mtime_ns for part in kept}
+    (folder / "figure_9_pressure.svg").unlink()  # as a run that was killed leaves it
+    with monkeypatch.context() as two:
+        two.setattr(figures, "PARTS", figures.PARTS[:2])
+        studies.run_study("figures", studies.Options(quick=True, out=folder))
+    assert capsys.readouterr().err.count("taken from") == len(kept)
+    assert (folder / "figure_9_pressure.svg").exists()
+    assert before == {part: (folder / f"{part}.json").stat().st_mtime_ns for part in kept}
+    (folder / f"{kept[1]}.json").unlink()
+    shown = thirdbody("study", "figures", "--quick", "--tables", "--out", folder)
     assert shown.returncode == 0, shown.stderr
     assert shown.stdout.count("\n## ") == 1
-    full = thirdbody("study", "figures", "--out", out)
+    full = thirdbody("study", "figures", "--out", folder)
     assert full.returncode == 2
     assert "quick is True there and False here" in full.stderr
 

@@ -14,7 +14,7 @@ LAYERS = {"thin": 1.16, "thick": 6.0}
 def compute(quick: bool) -> Findings:
     """Return T'(L') on both layers with sign changes, extrema, and T far away over T on a half-space."""
     asked = at_features(quick)
-    distance = np.geomspace(2.0, 300.0, 17 if quick else 90)
+    distance = np.geomspace(2.0, 300.0, 12 if quick else 90)
     tables, numbers = dict[str, Columns](), dict[str, Any]()
     for name, thickness in LAYERS.items():
         force = Curve(lambda d, h=thickness: Pair(thickness=h, distance=d), distance, asked)  # type: ignore[misc]

@@ -19,7 +19,7 @@ def compute(quick: bool) -> Findings:
     asked = at_features(quick)
     substrate = scene().problem.substrate
     assert substrate is not None
-    young, coarse = np.geomspace(0.1, 1e5, 16 if quick else 73), np.geomspace(1.0, 1e5, 26)
+    young, coarse = np.geomspace(0.1, 1e5, 11 if quick else 73), np.geomspace(1.0, 1e5, 26)
     curves = {
         h: Curve(lambda e, h=h: Pair(thickness=h, young=e), young if h == MAIN else coarse, asked)  # type: ignore[misc]
         for h in ((MAIN,) if quick else THICKNESSES)

@@ -66,11 +66,17 @@ class Pair:
 
     def left(self, accuracy: float) -> BallResult:
         """Return the state of the left ball."""
-        return solve(self.problem(), accuracy).balls[0]
+        return _left(self, accuracy)
 
     def attraction(self, accuracy: float) -> float:
         """Return Tx on the left ball: positive attracts, negative separates."""
         return self.left(accuracy).tangential_force[0]
+
+
+@cache
+def _left(pair: Pair, accuracy: float) -> BallResult:
+    """Return the state of the left ball: roots and maps ask for some pairs twice."""
+    return solve(pair.problem(), accuracy).balls[0]
 
 
 class Curve:

@@ -17,13 +17,13 @@ def compute(quick: bool) -> Findings:
     asked = at_features(quick)
     whole = Pair(half_space=True).left(asked)
     limit, depth = whole.tangential_force[0], whole.approach
-    thin = np.geomspace(2e-3, 0.1, 5 if quick else 14)
+    thin = np.geomspace(0.03 if quick else 2e-3, 0.1, 3 if quick else 14)
     bends, levels = (12, 5) if quick else (64, 18)
     h = np.concatenate([thin[:-1], np.geomspace(0.1, 10.0, bends)[:-1], np.geomspace(10.0, 1000.0, levels)])
 
     force = Curve(lambda t: Pair(thickness=t), h, asked)
     # the approach must not reach the thickness of a thin layer: `THINNEST` is 3.7 times the approach
-    deep = np.concatenate([np.geomspace(THINNEST, 0.1, 2 if quick else 8)[:-1], h[h >= 0.1]])
+    deep = np.concatenate([np.geomspace(THINNEST, 0.1, 1 if quick else 8)[:-1], h[h >= 0.1]])
     approach = Curve(lambda t: Pair(thickness=t, approach=depth), deep, asked)
     bare = Pair(young=1000.0, poisson=0.3, half_space=True).attraction(asked)
     least, most = force.extremum(-1.0), approach.extremum(1.0)
