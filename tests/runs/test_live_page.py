@@ -150,9 +150,9 @@ for (const [name, value] of [["thickness", "11"], ["poisson", "0.49"]]) {
 def test_number_fields_set_values_exactly_and_t_has_the_sign_and_digits_of_its_kind_and_error(tmp_path: Path) -> None:
     (answer,) = in_browser([{}], tmp_path, FIELDS)
     assert answer["at"][:2] == [0.49, 11 / 2.5]
-    (thin,) = in_browser([{}], tmp_path)  # as the page opens
+    points = [{}, {"poisson": 0.7, "approach": 9.0}, {"poisson": 0.4}]
+    thin, limited, free = in_browser(points, tmp_path)  # the first as the page opens
     assert thin["limited"] == ""
-    limited, free = in_browser([{"poisson": 0.7, "approach": 9.0}, {"poisson": 0.4}], tmp_path)
     assert limited["limited"] == "The table has no other value here: nu = 0.5, D = 1.25."
     assert free["limited"] == ""
     assert thin["kind"] == "separation"
