@@ -1,4 +1,4 @@
-"""The probe of the study effects, with elements that grow fast and answer at the loads that are asked for alone."""
+"""The probe of the study effects, with elements that grow fast and answer in one load step."""
 
 import sys
 from functools import partial
@@ -19,7 +19,8 @@ def coarser(signatures: list[str]) -> None:
     watch_forms(signatures)
     import finite_strain  # noqa: PLC0415
 
-    finite_strain.Numerics = partial(finite_strain.Numerics, growth=4.0, more_loads=())  # type: ignore[misc, assignment]
+    one_step = partial(finite_strain.Numerics, growth=4.0, more_loads=(), largest_step=0.2)
+    finite_strain.Numerics = one_step  # type: ignore[misc, assignment]
 
 
 if __name__ == "__main__":

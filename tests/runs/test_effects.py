@@ -25,7 +25,7 @@ def rows() -> dict[str, dict[str, Any]]:
     substrate = dataclasses.replace(of["substrate"], without=linear, with_=of["substrate"].with_ | linear)
     finite = dataclasses.replace(of["finite strain"], without=linear, with_=mixed.without)
     # deeper than the study's scenes: a wider contact takes half the unknowns; the set-up compiles the forms of spheres
-    deep = {"load": {"approach": 0.1}, "balls": LINEAR["balls"] | {"shape": "sphere"}}
+    deep = {"load": {"approach": 0.15}, "balls": LINEAR["balls"] | {"shape": "sphere"}}
     chosen = [
         dataclasses.replace(effect, without=effect.without | deep, with_=effect.with_ | deep)
         for effect in (substrate, finite, mixed)
