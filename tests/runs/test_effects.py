@@ -58,14 +58,19 @@ def test_an_effect_brings_in_its_own_modules_forms_and_unknowns(rows: dict[str, 
     assert rows["mixed form"]["functions of its own elsewhere"]
 
 
-def test_a_module_that_is_taken_away_is_missed_by_the_scene_that_needs_it() -> None:
-    measuring.run(LINEAR)
+@pytest.fixture(scope="module")
+def linear() -> Account:
+    return measuring.run(LINEAR)
+
+
+def test_a_module_that_is_taken_away_is_missed_by_the_scene_that_needs_it(linear: Account) -> None:
+    assert "linear_bem.smooth.tangential_forces" in linear.modules
     with pytest.raises(ThirdBodyError, match=r"without linear_bem\.smooth\.tangential_forces ended with"):
         measuring.run(LINEAR, blocked=["linear_bem.smooth.tangential_forces"])
 
 
-def test_a_function_that_is_taken_away_is_missed_by_the_scene_that_calls_it() -> None:
-    called = measuring.run(LINEAR).functions
+def test_a_function_that_is_taken_away_is_missed_by_the_scene_that_calls_it(linear: Account) -> None:
+    called = linear.functions
     assert "linear_bem.solver:solve_contact" in called
     assert not [name for name in called if not name.startswith(("linear_bem.", "runs."))]
     with pytest.raises(ThirdBodyError, match=r"linear_bem\.solver:solve_contact \(refused"):
