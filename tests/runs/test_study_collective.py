@@ -24,8 +24,8 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cases, "cases", lambda quick: [*CASES, Case(6.0, 0.3, 101, 1)])
         patch.setattr(cases, "MODEL", "point_load")
-        patch.setattr(cases, "GATHERING", 0.05)
-        patch.setattr(cases, "PARTING", 1.0)
+        patch.setattr(cases, "GATHERING", 0.03)
+        patch.setattr(cases, "PARTING", 0.4)
         folder.joinpath("out", "cases").mkdir(parents=True)
         for case in CASES:
             cases.evolve(case, folder / "out" / "cases")
