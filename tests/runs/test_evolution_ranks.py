@@ -26,7 +26,7 @@ radius = 1.0
 positions = [[-1.2, 0.0], [1.2, 0.0]]
 shape = "sphere"
 [load]
-approach = 0.15
+approach = 0.25
 [finite_strain]
 [accuracy]
 tangential_force = 0.3
@@ -73,7 +73,7 @@ def main() -> None:
     pair_table.DEPTHS = DEPTHS
     pair_table.ARRANGEMENTS = {"three in a line": pair_table.ARRANGEMENTS["three in a line"]}
     evolving.TABLES = Path(sys.argv[2]).parent / "tables"
-    coarser = partial(finite_strain.Numerics, growth=4.0, more_loads=(), largest_step=0.2)
+    coarser = partial(finite_strain.Numerics, growth=4.0, more_loads=(), largest_step=0.3)
     finite_strain.Numerics = coarser  # type: ignore[misc, assignment]
     cli.main()
 
