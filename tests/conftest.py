@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import signal
 
 import pytest
 
@@ -16,6 +17,11 @@ def pytest_configure() -> None:
         cores = sorted(os.sched_getaffinity(0))
         own = cores[int(worker.removeprefix("gw")) % len(cores) :: int(count)]
         os.sched_setaffinity(0, own)
+
+
+def pytest_runtest_setup() -> None:
+    """Give closed pipes back to Python: under PETSc, which an earlier test may have loaded, they end the process."""
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
