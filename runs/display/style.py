@@ -69,7 +69,7 @@ def save_figure(figure: Any, folder: Path, stem: str, kinds: Sequence[str] = ("s
     for kind in kinds:
         with replacing(folder / f"{stem}.{kind}") as draft:
             figure.savefig(draft, format=kind, **({"dpi": 160} if kind == "png" else {"metadata": {"Date": None}}))
-        figure.set_layout_engine("none")  # placed once: that takes as long as drawing
+        figure.set_layout_engine(None)  # placed once: an engine of any kind takes as long as drawing
 
 
 def dark_on_white() -> Any:

@@ -176,16 +176,21 @@ def _state(problem: Problem, fraction: float, number: int, model: str, accuracy:
 
 
 def _surface(problem: Problem, step: Step) -> SimpleNamespace:
-    """Return the surface that the balls press down to their lower halves."""
-    side = 3.0 * problem.balls[0].radius
-    x, y = (c.ravel() for c in np.meshgrid(np.linspace(-side, side, 81), np.linspace(-side, side, 81)))
-    sunk = [b.approach - ((x - b.position[0]) ** 2 + (y - b.position[1]) ** 2) / (2.0 * b.radius) for b in step.balls]
-    depth = np.maximum(np.max(sunk, axis=0), 0.0)
-    corner = (np.arange(80)[:, None] * 81 + np.arange(80)).ravel()
+    """Return the surface of the balls' paraboloids, under the pressure of Hertz on each contact's area."""
+    at, radius = np.array([ball.position for ball in step.balls]), problem.balls[0].radius
+    around = radius * np.array([1.0, 0.6])
+    (x0, y0), (x1, y1) = at.min(axis=0) - around, at.max(axis=0) + around
+    x, y = (c.ravel() for c in np.meshgrid(np.linspace(x0, x1, 81), np.linspace(y0, y1, 41)))
+    away = [(x - b.position[0]) ** 2 + (y - b.position[1]) ** 2 for b in step.balls]
+    sunk = [b.approach - r2 / (2.0 * b.radius) for b, r2 in zip(step.balls, away, strict=True)]
+    corner = (np.arange(40)[:, None] * 81 + np.arange(80)).ravel()
     triangles = np.concatenate([np.stack([corner, corner + i, corner + j], 1) for i, j in ((1, 82), (82, 81))])
-    ball = step.balls[0]
-    pressure = depth * ball.peak_pressure / ball.approach
-    return SimpleNamespace(points=np.stack([x, y, -depth], 1), triangles=triangles, pressure=pressure)
+    pressure = [
+        b.peak_pressure * np.sqrt(np.maximum(1.0 - math.pi * r2 / b.contact_area, 0.0))
+        for b, r2 in zip(step.balls, away, strict=True)
+    ]
+    depth = np.maximum(np.max(sunk, axis=0), 0.0)
+    return SimpleNamespace(points=np.stack([x, y, -depth], 1), triangles=triangles, pressure=np.max(pressure, axis=0))
 
 
 def install() -> None:
