@@ -204,8 +204,11 @@ def main() -> None:
     """Run the command line with this stand-in, which plans the same times on every machine."""
     from runs import cli, models  # noqa: PLC0415
     from runs.evolution import expectation  # noqa: PLC0415
+    from runs.process import ranks  # noqa: PLC0415
 
     install()
+    if os.environ.get("ELEMENTS") in ("lost", "blocked"):  # the other rank never fails with this one
+        ranks.PATIENCE = 0.5
     with patch.object(models, "slowness", lambda: 1.0), patch.object(expectation, "slowness", lambda: 1.0):
         cli.main()
 
