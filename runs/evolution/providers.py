@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -62,11 +63,9 @@ def provider(
     """
     if model.name == "point_load":
 
-        def forces_of(ball: Ball) -> list[float]:
+        def forces_of(ball: Ball) -> Sequence[float]:
             balls, load = (replace(ball, position=(0.0, 0.0)),), Load("approach", (max(problem.load.values),))
-            alone = replace(problem, balls=balls, load=load)
-            states = MODELS["linear_bem"].solve(alone, Run(PAIR_ACCURACY, steps=DEPTHS)).steps
-            return [state.balls[0].normal_force for state in states]
+            return _alone(MODELS["linear_bem"], replace(problem, balls=balls, load=load))
 
         return Provider(point_loads(problem, cell, forces_of), ("balls act on each other as point loads",))
     require_forces(model, problem, kind)
@@ -94,6 +93,13 @@ def provider(
         + ("" if measured else "; the stated error of T is only this share: other arrangements may differ more")
     )
     return Provider(table.forces(cell), (note,) if problem.size > 2 else (), table.data)
+
+
+@lru_cache(maxsize=64)
+def _alone(linear: Model, problem: Problem) -> tuple[float, ...]:
+    """Return the force [N] of one ball at `DEPTHS` of its approach: solved once for all arrangements of such balls."""
+    states = linear.solve(problem, Run(PAIR_ACCURACY, steps=DEPTHS)).steps
+    return tuple(state.balls[0].normal_force for state in states)
 
 
 def require_forces(model: Model, problem: Problem, kind: str) -> None:
