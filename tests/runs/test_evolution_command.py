@@ -67,9 +67,9 @@ friction = 0.3
 """
 
 
-@pytest.fixture
-def scene(tmp_path: Path) -> Scene:
-    file = tmp_path / "three.toml"
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    file = tmp_path_factory.mktemp("three") / "three.toml"
     file.write_text(TEXT, encoding="utf-8")
     return read_scene(file)
 
@@ -85,11 +85,24 @@ def evolved(scene: Scene, out: Path, model: str = "point_load") -> dict[str, Any
     return document
 
 
+def leave_out(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(showing, "draw", lambda *given: None)
+    patch.setattr(outcome, "direct_check", lambda *given: ([], []))
+
+
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the pictures and the comparison with the full model, which take longest."""
-    monkeypatch.setattr(showing, "draw", lambda *given: None)
-    monkeypatch.setattr(outcome, "direct_check", lambda *given: ([], []))
+    leave_out(monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def whole(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path]:
+    """The document and the folder of a run to the end."""
+    out = tmp_path_factory.mktemp("whole") / "out"
+    with pytest.MonkeyPatch.context() as patch:
+        leave_out(patch)
+        return evolved(scene, out), out
 
 
 def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
@@ -147,9 +160,10 @@ def test_the_outcome_of_a_scene_in_radii_is_in_radii(tmp_path: Path, capsys: pyt
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("ends", ["on the path", "before it is saved", "in the ensemble"])
 def test_a_killed_run_goes_on_to_the_same_result(
-    ends: str, scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    whole = evolved(scene, tmp_path / "whole")
+    ends: str, scene: Scene, whole: tuple[dict[str, Any], Path], tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    expected, reference = whole
     left = 10**6 if ends == "in the ensemble" else 25
     member = evolving.Evolution._member
 
@@ -175,7 +189,7 @@ def test_a_killed_run_goes_on_to_the_same_result(
             evolved(scene, tmp_path / "killed")
     half = json.loads((tmp_path / "killed" / "result.json").read_text(encoding="utf-8"))
     assert not half["solved"]["converged"]
-    assert 0 < len(half["path"]) <= len(whole["path"])
+    assert 0 < len(half["path"]) <= len(expected["path"])
     with open(tmp_path / "killed" / "steps.csv", encoding="utf-8", newline="") as table:
         assert len(list(csv.DictReader(table))) == len(half["path"]) * len(scene.problem.balls)
     said = re.findall(
@@ -184,65 +198,61 @@ def test_a_killed_run_goes_on_to_the_same_result(
     assert len(said) > 5
     assert len(half["ensemble"]) == (1 if ends == "in the ensemble" else 0)
     killed = evolved(scene, tmp_path / "killed")
-    assert killed["solved"]["iterations"] == whole["solved"]["iterations"]
-    assert (tmp_path / "killed" / "steps.csv").read_bytes() == (tmp_path / "whole" / "steps.csv").read_bytes()
+    assert killed["solved"]["iterations"] == expected["solved"]["iterations"]
+    assert (tmp_path / "killed" / "steps.csv").read_bytes() == (reference / "steps.csv").read_bytes()
     for key in ("path", "events", "ensemble", "balls", "rest", "position_error"):
-        assert killed[key] == whole[key], key
+        assert killed[key] == expected[key], key
 
 
 SLOWLY = """
-from runs.evolution import evolving, showing
+from runs.evolution import evolving, outcome, showing
 evolving.SAVE_INTERVAL, evolving.PROGRESS_INTERVAL, showing.draw = 1e9, -1.0, lambda *given: None
+outcome.direct_check = lambda *given: ([], [])
 from runs.cli import main
 main()
 """
 """The command, which never saves an unfinished path by itself, says every moment how far it is, and draws nothing."""
 
 
-@pytest.mark.parametrize(("number", "waits_for"), [(signal.SIGINT, "30 steps"), (signal.SIGTERM, "member 3 of 3")])
-def test_a_signal_keeps_what_is_computed(number: signal.Signals, waits_for: str, tmp_path: Path) -> None:
-    file = tmp_path / "three.toml"
-    file.write_text(TEXT, encoding="utf-8")
-    words = [sys.executable, "-c", SLOWLY, "evolve", str(file), "--model", "point_load", "--out", str(tmp_path / "out")]
-    with subprocess.Popen(words, cwd=ROOT, env=environment(), stderr=subprocess.PIPE, text=True) as process:
-        assert process.stderr is not None
-        for line in process.stderr:
-            if waits_for in line:
-                break
-        process.send_signal(number)
-        rest = process.stderr.read()
-        assert process.wait(timeout=60.0) == 128 + number
-    assert "stopped; finished steps are saved, and the same command continues from there" in rest
-    half = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
-    if waits_for == "30 steps":
+@pytest.mark.usefixtures("undrawn")
+def test_a_signal_keeps_what_is_computed(scene: Scene, whole: tuple[dict[str, Any], Path], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    words = [sys.executable, "-c", SLOWLY, "evolve", str(scene.path), "--model", "point_load", "--out", str(out)]
+    for number, waits_for in ((signal.SIGINT, "30 steps"), (signal.SIGTERM, "member 3 of 3")):
+        with subprocess.Popen(words, cwd=ROOT, env=environment(), stderr=subprocess.PIPE, text=True) as process:
+            assert process.stderr is not None
+            for line in process.stderr:
+                if waits_for in line:
+                    break
+            process.send_signal(number)
+            rest = process.stderr.read()
+            assert process.wait(timeout=60.0) == 128 + number
+        assert "stopped; finished steps are saved, and the same command continues from there" in rest
+        half = json.loads((out / "result.json").read_text(encoding="utf-8"))
         assert half["solved"]["iterations"] >= 30
-        assert half["continuation"]["sigma"] >= half["path"][-1]["sigma"] > 0.0
-    else:
-        assert len(half["ensemble"]) == 2
-    for name in ("out", "whole"):
-        words[-1] = str(tmp_path / name)
-        assert python(*words[1:]).returncode == 0
-    goes_on, whole = (
-        json.loads((tmp_path / name / "result.json").read_text(encoding="utf-8")) for name in ("out", "whole")
-    )
-    for document in (goes_on, whole):
-        del document["solved"]["seconds"]
-    assert goes_on == whole
-    assert (tmp_path / "out" / "steps.csv").read_bytes() == (tmp_path / "whole" / "steps.csv").read_bytes()
+        if number == signal.SIGINT:
+            assert half["continuation"]["sigma"] >= half["path"][-1]["sigma"] > 0.0
+        else:
+            assert len(half["ensemble"]) == 2
+    goes_on, expected = (dict(document) for document in (evolved(scene, out), whole[0]))
+    for document in (goes_on, expected):
+        document["solved"] = {key: value for key, value in document["solved"].items() if key != "seconds"}
+    assert goes_on == expected
+    assert (out / "steps.csv").read_bytes() == (whole[1] / "steps.csv").read_bytes()
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_friction_and_direction_leave_the_path_alone_and_friction_sets_the_clock(scene: Scene, tmp_path: Path) -> None:
-    one = evolved(sliding(scene, ensemble=1), tmp_path / "one")
+    one = evolved(sliding(scene, ensemble=1, cycles=40.0), tmp_path / "one")
     slow = evolved(
-        sliding(scene, ensemble=1, friction=60.0, cycles=1200.0, amplitude=0.08, direction=(0.0, 1.0)),
+        sliding(scene, ensemble=1, friction=60.0, cycles=120.0, amplitude=0.08, direction=(0.0, 1.0)),
         tmp_path / "slow",
     )
     assert len(one["path"]) == len(slow["path"])
     for here, there in zip(one["path"], slow["path"], strict=True):
         assert there["positions"] == pytest.approx(np.array(here["positions"]), abs=1e-12)
         assert there["cycle"] == pytest.approx(3.0 * here["cycle"], rel=1e-12)
-    wide = evolved(sliding(scene, ensemble=1, amplitude=0.16), tmp_path / "wide")
+    wide = evolved(sliding(scene, ensemble=1, cycles=20.0, amplitude=0.16), tmp_path / "wide")
     assert wide["path"][-1]["cycle"] == pytest.approx(0.5 * one["path"][-1]["cycle"], rel=1e-12)
 
 

@@ -114,8 +114,7 @@ def test_only_what_is_missing_is_computed(
     assert next(files) == next(files)
 
 
-@pytest.mark.parametrize("after", [4, 12])
-@pytest.mark.parametrize("places", [THREE, MANY])
+@pytest.mark.parametrize(("after", "places"), [(4, THREE), (12, MANY)])
 def test_a_longer_run_that_is_killed_goes_on_too(
     after: int, places: list[list[float]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one_run: OneRun
 ) -> None:

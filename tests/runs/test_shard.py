@@ -27,7 +27,7 @@ from runs.studies.framework.study import BEGIN, END, publish
 from runs.studies.strengthening.matrix import cases, law_cases
 from tests.launch import STAND_IN, thirdbody
 
-Resumed = tuple[subprocess.CompletedProcess[str], Path]
+Resumed = tuple[subprocess.CompletedProcess[str], subprocess.CompletedProcess[str], Path]
 LINEAR = 2e-4
 """Relative error asked of the linear T, twice."""
 NAMES = [case.name for case in (*cases(quick=True), *law_cases(quick=True))]
@@ -42,44 +42,45 @@ def records(out: Path) -> dict[str, dict[str, Any]]:
     return {path.stem: json.loads(path.read_text()) for path in (out / "cases").glob("*.json")}
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("n", [2])
-def test_shards_solve_each_case_once_and_the_last_has_the_whole_answer(n: int, tmp_path: Path) -> None:
-    first = study(tmp_path / "out", "--shard", "1/2", n=n)
-    assert first.returncode == 0, first.stderr
-    assert set(records(tmp_path / "out")) == set(NAMES[::2])
-    assert f"Not there: {len(NAMES[1::2])} of {len(NAMES)} cases" in first.stdout
-    assert f"- {NAMES[1]}: not run yet" in first.stdout
-    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out/cases").glob("*.json")}
-    second = study(tmp_path / "out", "--shard", "2/2", n=n)
-    assert second.returncode == 0, second.stderr
-    assert "Not there" not in second.stdout
-    assert f"{len(NAMES)} of {len(NAMES)} cases" in second.stdout
-    assert all(path.stat().st_mtime_ns == time for path, time in before.items())
-    assert {record["state"] for record in records(tmp_path / "out").values()} == {"done"}
-    assert {record["ranks"] for record in records(tmp_path / "out").values()} == {n}
-    assert second.stdout == (tmp_path / "out/answer.md").read_text(encoding="utf-8")
-
-
 @pytest.fixture(scope="module")
 def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a study that was killed in its first case."""
     out = tmp_path_factory.mktemp("killed") / "out"
-    done = study(out, env={"ELEMENTS": "kill"})
+    done = study(out, "--shard", "1/2", env={"ELEMENTS": "kill"})
     assert done.returncode in (-signal.SIGKILL, 128 + signal.SIGKILL)
     return out
 
 
 @pytest.fixture(scope="module")
 def resumed(killed: Path, tmp_path_factory: pytest.TempPathFactory) -> Resumed:
-    """What the same command said in a copy of that folder, and the copy."""
+    """What the same command said on two ranks in a copy of that folder, what the other half said, and the copy."""
     out = tmp_path_factory.mktemp("resumed") / "out"
     shutil.copytree(killed, out)
-    done = study(out)
-    assert done.returncode == 0, done.stderr
-    return done, out
+    first = study(out, "--shard", "1/2", n=2)
+    assert first.returncode == 0, first.stderr
+    assert set(records(out)) == set(NAMES[::2])
+    before = {path: path.stat().st_mtime_ns for path in (out / "cases").glob("*.json")}
+    second = study(out, "--shard", "2/2")
+    assert second.returncode == 0, second.stderr
+    assert all(path.stat().st_mtime_ns == time for path, time in before.items())
+    return first, second, out
 
 
+@pytest.mark.mpi
+def test_shards_solve_each_case_once_and_the_last_has_the_whole_answer(resumed: Resumed) -> None:
+    first, second, out = resumed
+    assert f"Not there: {len(NAMES[1::2])} of {len(NAMES)} cases" in first.stdout
+    assert f"- {NAMES[1]}: not run yet" in first.stdout
+    assert "Not there" not in second.stdout
+    assert f"{len(NAMES)} of {len(NAMES)} cases" in second.stdout
+    assert {record["state"] for record in records(out).values()} == {"done"}
+    assert {name: record["ranks"] for name, record in records(out).items()} == {
+        name: 1 + (name in NAMES[::2]) for name in NAMES
+    }
+    assert second.stdout == (out / "answer.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.mpi
 def test_a_killed_study_goes_on_inside_the_case_it_was_killed_in(killed: Path, resumed: Resumed) -> None:
     (only,) = records(killed).values()
     assert (only["state"], len(only["steps"])) == ("running", 2)
@@ -88,15 +89,17 @@ def test_a_killed_study_goes_on_inside_the_case_it_was_killed_in(killed: Path, r
     shown = study(killed, "--tables")
     assert f"- {NAMES[0]}: stopped after 2 load step(s)" in shown.stdout
     assert f"0 of {len(NAMES)} cases" in shown.stdout
-    again, out = resumed
+    first, second, out = resumed
     assert read_folder(out).state == "finished"
-    assert again.stderr.count("step 1 ") == len(NAMES) - 1
+    assert first.stderr.count("step 1 ") == len(NAMES[::2]) - 1
+    assert second.stderr.count("step 1 ") == len(NAMES[1::2])
     assert all(len(record["steps"]) == 3 for record in records(out).values())
     assert not any(path.is_dir() for path in (out / "cases").iterdir())
 
 
+@pytest.mark.mpi
 def test_the_stand_in_is_strengthened_by_what_it_was_made_with(resumed: Resumed) -> None:
-    done, out = resumed
+    _, done, out = resumed
     with open(out / "factors.csv", encoding="utf-8", newline="") as file:
         found = list(csv.DictReader(file))
     for row in found:  # the stand-in's T is the linear one times 1 + D / R
@@ -120,9 +123,8 @@ def test_the_stand_in_is_strengthened_by_what_it_was_made_with(resumed: Resumed)
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("n", [2])
-def test_a_case_that_fails_is_recorded_with_its_reason_and_its_load_path(n: int, tmp_path: Path) -> None:
-    done = study(tmp_path / "out", n=n, env={"ELEMENTS": "stop"})
+def test_a_case_that_fails_is_recorded_with_its_reason_and_its_load_path(tmp_path: Path) -> None:
+    done = study(tmp_path / "out", "--shard", "1/4", n=2, env={"ELEMENTS": "stop"})
     assert done.returncode == 0, done.stderr
     assert f"Not there: {len(NAMES)} of {len(NAMES)} cases" in done.stdout
     assert f"- {NAMES[0]}: not converged after 2 load step(s): step 2: DIVERGED_LINE_SEARCH" in done.stdout
