@@ -9,7 +9,7 @@ import pytest
 
 from runs import cli
 from runs.commands.plan import plan_scene
-from runs.evolution import outcome, showing
+from runs.evolution import outcome, pair_table, showing
 from runs.evolution.evolving import evolve_scene
 from runs.scene.scene_file import InvalidScene, read_scene
 from runs.session.session import Options
@@ -45,6 +45,7 @@ def test_balls_pressed_nearly_to_a_rigid_base_drift_with_a_warning(
 ) -> None:
     monkeypatch.setattr(showing, "draw", lambda *given: None)
     monkeypatch.setattr(outcome, "direct_check", lambda *given: ([], []))
+    monkeypatch.setattr(pair_table, "MANY", (1.0, 1.3, 1.7, 2.5))
     file = scene(tmp_path, '"9.7 mm"', more=SLIDING)
     evolve_scene(read_scene(file), model, Options(False, tmp_path / "out", False), tmp_path / "tables")
     notes = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))["solved"]["notes"]

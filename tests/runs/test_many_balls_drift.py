@@ -67,7 +67,7 @@ def test_the_shipped_layer_gathers_and_a_larger_resistance_stops_it(
     monkeypatch.setattr(outcome, "direct_check", lambda *given: ([], []))
     shipped = (ROOT / "runs" / "scenes" / "layer_of_36_balls.toml").read_text(encoding="utf-8")
     file = tmp_path / "layer.toml"
-    file.write_text(shipped.replace("cycles = 200", "cycles = 0.3"), encoding="utf-8")
+    file.write_text(shipped.replace("cycles = 200", "cycles = 0.1"), encoding="utf-8")
     path = evolved(file, tmp_path / "out")["path"]
     assert len(path[-1]["contacts"]) > len(path[0]["contacts"])
     largest = max(np.hypot(*np.array(path[0]["tangential_force"]).T) / np.array(path[0]["normal_force"]))
@@ -123,11 +123,11 @@ def test_a_plan_of_many_balls_says_how_long_they_take(
     monkeypatch.setattr(outcome, "direct_check", lambda *given: ([], []))
     monkeypatch.setattr(showing, "draw", lambda *given: None)
     file = written(tmp_path)
-    plan_scene(read_scene(file), None, as_json=True)
+    plan_scene(read_scene(file), None, as_json=True, advises=False)
     found = json.loads(capsys.readouterr().out)["evolution"]
     assert found["steps"] == pytest.approx(evolved(file, tmp_path / "out")["solved"]["iterations"], rel=0.2)
     monkeypatch.setattr(expectation, "PATIENCE", 0.0)
-    plan_scene(read_scene(file), None, as_json=False)
+    plan_scene(read_scene(file), None, as_json=False, advises=False)
     printed = " ".join(capsys.readouterr().out.split())
     # what 121 balls usually take
     assert re.search(r"evolve: about .* on one idle core, .* for 1 path of perhaps \d+ steps, .* pictures", printed)

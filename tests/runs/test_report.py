@@ -11,7 +11,6 @@ from collections import Counter
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -24,6 +23,7 @@ from tests.launch import ROOT, STAND_IN, headless_browser, thirdbody
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 BROWSER = headless_browser()
+WIDTHS = 1280, 390
 FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-component-update",
     "--disable-background-networking", "--disable-sync", "--virtual-time-budget=4000",
@@ -69,8 +69,11 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Folders of a solved scene, a comparison and a study, each with its report."""
     base = tmp_path_factory.mktemp("report")
     made = {name: base / name for name in ("solve", "compare", "study")}
+    scene = base / "scene.toml"
+    given = (ROOT / "runs/scenes/paper_thin_pair_linear.toml").read_text(encoding="utf-8")
+    scene.write_text(re.sub(r'title = ".*"', 'title = "<script>alert(1)</script> & co"', given), encoding="utf-8")
     commands = {
-        "solve": ("solve", "runs/scenes/paper_thin_pair_linear.toml"),
+        "solve": ("solve", scene),
         "compare": ("compare", "tests/runs/light_pair.toml"),
         "study": ("study", "strengthening", "--quick", "--shard", "1/4"),
     }
@@ -145,12 +148,8 @@ def test_the_pages_say_what_the_runs_found(runs: dict[str, Path]) -> None:
     assert len(study.all("svg")) == 3
 
 
-def test_what_a_user_writes_cannot_become_markup(tmp_path: Path) -> None:
-    scene = tmp_path / "scene.toml"
-    given = (ROOT / "runs/scenes/paper_thin_pair_linear.toml").read_text(encoding="utf-8")
-    scene.write_text(re.sub(r'title = ".*"', 'title = "<script>alert(1)</script> & co"', given), encoding="utf-8")
-    assert thirdbody("solve", scene, "--out", tmp_path / "out").returncode == 0
-    assert thirdbody("report", tmp_path / "out", "--out", tmp_path / "page.html").returncode == 0
+def test_what_a_user_writes_cannot_become_markup(runs: dict[str, Path], tmp_path: Path) -> None:
+    assert thirdbody("report", runs["solve"], "--out", tmp_path / "page.html").returncode == 0
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert not Page(text).all("script")
     assert "&lt;script&gt;alert(1)&lt;/script&gt; &amp; co" in text
@@ -250,36 +249,37 @@ class Seen:
     pictures: list[float]
 
 
-def seen(page: Path, width: int, scratch: Path) -> Seen:
-    """Lay the page out in a frame of a given width in headless Chromium."""
-    script = (
-        "const d = document.getElementById('f').contentDocument;"
-        "document.body.dataset.seen = JSON.stringify({"
-        "hidden: d.documentElement.scrollWidth - d.documentElement.clientWidth,"
-        "pictures: [...d.querySelectorAll('.picture svg, .picture img')].map(e => e.getBoundingClientRect().height)})"
-    )
-    frame = scratch / f"frame-{width}.html"
-    frame.write_text(
-        f'<body style="margin:0"><iframe id="f" style="border:0;width:{width}px;height:900px" onload="{script}" '
-        f'srcdoc="{html.escape(page.read_text(encoding="utf-8"))}"></iframe></body>',
-        encoding="utf-8",
-    )
+def seen(page: Path, scratch: Path) -> dict[int, Seen]:
+    """Lay the page out in frames as wide as a desk's and a phone's window in headless Chromium."""
+    frames = ""
+    for width in WIDTHS:
+        script = (
+            f"const d = document.getElementById('f{width}').contentDocument;"
+            f"document.body.dataset.seen{width} = JSON.stringify({{"
+            "hidden: d.documentElement.scrollWidth - d.documentElement.clientWidth,"
+            "pictures: [...d.querySelectorAll('.picture svg, .picture img')].map("
+            "e => e.getBoundingClientRect().height)})"
+        )
+        frames += (
+            f'<iframe id="f{width}" style="border:0;width:{width}px;height:900px" onload="{script}" '
+            f'srcdoc="{html.escape(page.read_text(encoding="utf-8"))}"></iframe>'
+        )
+    (scratch / "frames.html").write_text(f'<body style="margin:0">{frames}', encoding="utf-8")
     assert BROWSER is not None
-    command = [BROWSER, *FLAGS, f"--user-data-dir={scratch / 'profile'}", "--dump-dom", f"file://{frame}"]
+    profile = f"--user-data-dir={scratch / 'profile'}"
+    command = [BROWSER, *FLAGS, profile, "--dump-dom", f"file://{scratch / 'frames.html'}"]
     shown = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
-    match = re.search(r'data-seen="([^"]*)"', shown)
-    assert match, shown[-500:]
-    answer: dict[str, Any] = json.loads(html.unescape(match.group(1)))
-    return Seen(answer["hidden"], answer["pictures"])
+    found = dict(re.findall(r'data-seen(\d+)="([^"]*)"', shown))
+    assert len(found) == len(WIDTHS), shown[-500:]
+    return {int(width): Seen(**json.loads(html.unescape(answer))) for width, answer in found.items()}
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium here: the structure is tested above, the layout is not")
-@pytest.mark.parametrize("width", [1280, 390])
 @pytest.mark.parametrize(("name", "pictures"), [("compare", 2), ("study", 3)])
 def test_a_browser_shows_the_page_without_sideways_scrolling(
-    name: str, pictures: int, width: int, runs: dict[str, Path], tmp_path: Path
+    name: str, pictures: int, runs: dict[str, Path], tmp_path: Path
 ) -> None:
-    found = seen(runs[name] / "report.html", width, tmp_path)
-    assert found.hidden == 0
-    assert len(found.pictures) == pictures
-    assert min(found.pictures) > 100.0
+    for width, found in seen(runs[name] / "report.html", tmp_path).items():
+        assert found.hidden == 0, width
+        assert len(found.pictures) == pictures
+        assert min(found.pictures) > 100.0
