@@ -190,6 +190,7 @@ def test_an_interruption_is_no_failed_iteration(tmp_path: Path, compared: tuple[
         assert state(tmp_path / "out") == "interrupted"
     done = run(1, "compare", tmp_path / "out", "--json")
     assert done.returncode == 0, done.stderr
+    assert "step 2 " not in done.stderr
     assert state(tmp_path / "out") == "finished"
     assert_same(strict(done.stdout), compared[0])
 
