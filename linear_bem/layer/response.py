@@ -193,8 +193,8 @@ def response_of(layer: Layer, substrate: Elastic | None) -> LayerResponse | Meas
 
 
 def scaled_media(layer: Layer, substrate: Elastic | None) -> tuple[Layer, Elastic | None]:
-    """Return media with the same response, scaled to E1 = 1 and h = 1, so that similar media share one table."""
+    """Return media with the same response, with E1 = h = 1; those alike but for roundoff then share one table."""
     if isinstance(layer, SurfaceResponse):
         return layer, None
-    base = None if substrate is None else Elastic(substrate.young / layer.young, substrate.poisson)
+    base = None if substrate is None else Elastic(float(f"{substrate.young / layer.young:.13g}"), substrate.poisson)
     return Layer(1.0, layer.poisson, 1.0), base

@@ -1,9 +1,10 @@
 """Polynomials of two variables on the unit disc: basis, values, and points to fit them."""
 
 from functools import lru_cache
+from itertools import accumulate
 
 import numpy as np
-from numpy.polynomial.chebyshev import cheb2poly, chebvander
+from numpy.polynomial.chebyshev import cheb2poly
 
 from linear_bem.arrays import Array, Indices
 
@@ -16,9 +17,20 @@ def exponents(degree: int) -> tuple[Indices, Indices]:
     return i, j
 
 
+def chebyshev(x: Array, degree: int) -> Array:
+    """Return the Chebyshev polynomials T_0 to T_degree, shape (degree + 1, *x.shape)."""
+    out = np.empty((degree + 1, *np.shape(x)))
+    out[0], out[1:2] = 1.0, x
+    twice = 2.0 * x
+    for k in range(2, degree + 1):
+        np.multiply(twice, out[k - 1], out=out[k, ...])
+        out[k] -= out[k - 2]
+    return out
+
+
 def basis(xi: Array, eta: Array, degree: int) -> Array:
     """Return the basis polynomials, shape (terms, *xi.shape)."""
-    t_xi, t_eta = (np.moveaxis(chebvander(x, degree), -1, 0) for x in (xi, eta))
+    t_xi, t_eta = chebyshev(xi, degree), chebyshev(eta, degree)
     pairs = exponents(degree)
     out = np.empty((len(pairs[0]), *np.shape(xi)))
     for k, (i, j) in enumerate(zip(*pairs, strict=True)):
@@ -70,3 +82,25 @@ def horner(powers: Array, x: Array, y: Array) -> tuple[Array, Array, Array]:
         value = value * x + row
         dy = dy * x + slope
     return value, dx, dy
+
+
+def horner_value(powers: Array, x: Array, y: Array) -> Array:
+    """Return a polynomial as `horner` does, without its derivatives."""
+    degree = len(powers) - 1
+    value = np.zeros(np.shape(x))
+    row = np.empty(np.shape(x))
+    for i in range(degree, -1, -1):
+        row[:] = powers[i, degree - i]
+        for j in range(degree - i - 1, -1, -1):
+            row *= y
+            row += powers[i, j]
+        value *= x
+        value += row
+    return value
+
+
+def along_rays(powers: Array, cos: Array, sin: Array) -> list[Array]:
+    """Return a polynomial's coefficients (see `horner`) in powers of the distance from 0 along unit directions."""
+    count = len(powers) - 1
+    of_cos, of_sin = (list(accumulate([v] * count, np.multiply, initial=np.ones_like(v))) for v in (cos, sin))
+    return [sum(powers[k - j, j] * of_cos[k - j] * of_sin[j] for j in range(k + 1)) for k in range(count + 1)]

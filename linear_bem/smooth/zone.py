@@ -17,7 +17,17 @@ import numpy as np
 
 from linear_bem.arrays import Array, Indices, Mask
 from linear_bem.layer.kernel import gauss
-from linear_bem.smooth.polynomials import basis, circle, fit_nodes, horner, monomials
+from linear_bem.smooth.polynomials import (
+    along_rays,
+    basis,
+    chebyshev,
+    circle,
+    exponents,
+    fit_nodes,
+    horner,
+    horner_value,
+    monomials,
+)
 
 CACHED = 200_000
 """Largest number of values per array of zones treated together, so that arrays fit into the processor's cache."""
@@ -125,9 +135,13 @@ class Zone:
             return np.maximum(quadratic, 1e-12)
         t = np.maximum(np.where(np.abs(quadratic - 1.02) < 0.1, quadratic, 1.02), 0.01)
         floor = -1e-6 * np.abs(self.coefficients[..., :1])
+        along = along_rays(p, cos, sin)
         for _ in range(40):
-            value, dx, dy = horner(p, t * cos, t * sin)
-            move = value / np.minimum(dx * cos + dy * sin, floor)
+            value, slope = np.zeros_like(t), np.zeros_like(t)
+            for c in along[::-1]:
+                slope = slope * t + value
+                value = value * t + c
+            move = value / np.minimum(slope, floor)
             t = t - np.minimum(np.maximum(move, -0.3), 0.3)
             if np.max(np.abs(move)) < 3e-8:
                 break  # the next step, quadratically smaller, is below roundoff
@@ -203,10 +217,11 @@ class Zone:
             p = np.sqrt(np.maximum(chord.squared_pressure(t), 1e-300))
             potential[part] = np.sum(weight * p, axis=(2, 3))
             if derivative:
-                share = (0.5 * weight / p).reshape(*x.shape[:2], -1)
                 u, v = x[..., None] + t * cos[:, None], y[..., None] + t * sin[:, None]
-                phi = basis(u, v, self.degree).reshape(terms, *share.shape)
-                changes[part] = np.einsum("tnkc,nkc->nkt", phi, share)
+                both = [chebyshev(w, self.degree).reshape(self.degree + 1, *x.shape[:2], -1) for w in (u, v)]
+                both[1] *= (0.5 * weight / p).reshape(*x.shape[:2], -1)
+                products = both[0].transpose(1, 2, 0, 3) @ both[1].transpose(1, 2, 3, 0)
+                changes[part] = products[:, :, *exponents(self.degree)]
         return potential, changes
 
     def reframed(self, degree: int) -> Zone:
@@ -249,7 +264,7 @@ class _Chords:
         half = np.sqrt(np.maximum(middle**2 + 1.02**2 - x * x - y * y, 1e-4))
         nodes, chebyshev, powers = _chord_rule(zones.degree)
         t = middle + half * nodes[:, None, None, None]
-        values = _value(zones.powers(2), x + t * cos, y + t * sin)
+        values = horner_value(zones.powers(2), x + t * cos, y + t * sin)
         c0, c1, c2 = np.tensordot(chebyshev, values, 1)
         # the best parabola, c0 + c1 u + c2 (2 u^2 - 1), has its roots close to the chord's ends
         root = c1 * c1 - 8.0 * c2 * (c0 - c2)
@@ -294,18 +309,3 @@ def _chord_rule(degree: int) -> tuple[Array, Array, Array]:
     inverse = np.linalg.inv(np.polynomial.chebyshev.chebvander(nodes, degree))
     powers = np.linalg.inv(np.polynomial.polynomial.polyvander(nodes, degree))
     return nodes, inverse[:3], powers
-
-
-def _value(powers: Array, x: Array, y: Array) -> Array:
-    """Return a polynomial by Horner's rule; see `linear_bem.smooth.polynomials.horner`."""
-    degree = len(powers) - 1
-    value = np.zeros(np.shape(x))
-    row = np.empty(np.shape(x))
-    for i in range(degree, -1, -1):
-        row[:] = powers[i, degree - i]
-        for j in range(degree - i - 1, -1, -1):
-            row *= y
-            row += powers[i, j]
-        value *= x
-        value += row
-    return value

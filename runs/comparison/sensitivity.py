@@ -21,7 +21,9 @@ from scipy.spatial import cKDTree
 
 from linear_bem.errors import InvalidProblem, ThirdBodyError, UnsupportedProblem
 from linear_bem.indenter import Indenter
+from linear_bem.nearby import nearby_forces
 from linear_bem.problem import Problem
+from linear_bem.solution import Solution
 from runs.comparison.strengthening_factors import ROUNDOFF
 from runs.display.numbers import Scale, leading_ball, number, percent
 from runs.models import MODELS, Run, without
@@ -76,8 +78,8 @@ def sensitivity(problem: Problem, step: float = STEP) -> Sensitivity | None:
     Raises the errors of the linear model, and `UnsupportedProblem` for bodies without a parameter of size.
     """
     problem = without(problem, ["finite_strain"])
-    solve = MODELS["linear_bem"].solve
-    states = solve(problem, Run(PRECISION)).balls
+    solve, solutions = MODELS["linear_bem"].solve, list[Solution]()
+    states = solve(problem, Run(PRECISION, inspect=solutions.append)).balls
     ball = leading_ball([state.to_dict() for state in states])
     x, y = states[ball].tangential_force
     size = math.hypot(x, y)
@@ -85,8 +87,9 @@ def sensitivity(problem: Problem, step: float = STEP) -> Sensitivity | None:
         return None
 
     def relative(changed: Problem) -> float:
-        found = solve(changed, Run(PRECISION)).balls[ball].tangential_force
-        return (found[0] * x + found[1] * y) / size**2
+        forces = nearby_forces(solutions[0], changed)
+        found = solve(changed, Run(PRECISION)).balls[ball].tangential_force if forces is None else forces[ball]
+        return float(found[0] * x + found[1] * y) / size**2
 
     exponents = {symbol: _exponent(problem, change, relative, step) for symbol, change in _inputs(problem).items()}
     nu = problem.layer.poisson
