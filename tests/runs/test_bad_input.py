@@ -51,8 +51,15 @@ def test_a_bad_scene_is_refused(change: str, ranks: int, tmp_path: Path) -> None
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("model", ["linear_bem", "small_strain"])
-@pytest.mark.parametrize(("place", "ranks"), [("below a file", 1), ("/proc", 1), ("a file", 1), both("below a file")])
+@pytest.mark.parametrize(
+    ("place", "model", "ranks"),
+    [
+        ("below a file", "linear_bem", 1),
+        ("/proc", "small_strain", 1),
+        ("a file", "linear_bem", 1),
+        both("below a file", "small_strain"),
+    ],
+)
 def test_a_folder_that_cannot_be_written_is_refused(place: str, model: str, ranks: int, tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("", encoding="utf-8")
@@ -67,7 +74,6 @@ def test_a_folder_that_cannot_be_written_is_refused(place: str, model: str, rank
         (("solve", "none.toml"), "does not exist", 1),
         (("plan", "runs/scenes"), "is a folder", 1),
         (("compare", LINEAR), "needs [finite_strain]", 1),
-        both(("compare", LINEAR), "needs [finite_strain]"),
         (("solve", LINEAR, "--model", "finite_strain"), "needs [finite_strain]", 1),
         both(("solve", LINEAR, "--model", "finite_strain"), "needs [finite_strain]"),
     ],

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from linear_bem.result import BallResult, Step
+from runs.commands.plan import plan_scene
 from runs.scene.scene_file import InvalidScene, read_scene
 from runs.session.session import path_so_far
 from tests.launch import STAND_IN, thirdbody
@@ -33,10 +34,10 @@ def test_a_budget_of_nothing_is_a_fault_of_its_key(key: str, tmp_path: Path) -> 
         read_scene(scene(tmp_path, f"{key} = -1"))
 
 
-def test_a_plan_states_the_meshes_and_the_budget(tmp_path: Path) -> None:
-    done = thirdbody("plan", scene(tmp_path, "unknowns = 40000\nseconds = 900"), "--json")
-    assert done.returncode == 0, done.stderr
-    (elements,) = (model for model in json.loads(done.stdout)["models"] if model["model"] == "finite_strain")
+def test_a_plan_states_the_meshes_and_the_budget(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan_scene(read_scene(scene(tmp_path, "unknowns = 40000\nseconds = 900")), None, as_json=True, advises=False)
+    models = json.loads(capsys.readouterr().out)["models"]
+    (elements,) = (model for model in models if model["model"] == "finite_strain")
     assert elements["accuracy"] == {"asked": 0.02, "unknowns_at_most": 40000.0, "seconds_at_most": 900.0}
     assert [mesh.split(",")[0] for mesh in elements["meshes"]] == ["order 2", "order 3", "finer ones"]
     assert elements["unknowns"] <= 40000
@@ -90,7 +91,7 @@ def test_a_length_without_a_unit_is_noted_before_the_work(tmp_path: Path) -> Non
         'positions = [["-1000 mm", 0], ["1000 mm", 0]]\n[load]\napproach = "200 mm"\n[finite_strain]\n',
         encoding="utf-8",
     )
-    done = thirdbody("compare", path, "--out", tmp_path / "out", program=STAND_IN)
+    done = thirdbody("solve", path, "--out", tmp_path / "out", program=STAND_IN)
     assert done.returncode == 0, done.stderr
     first, second = done.stderr.splitlines()[:2]
     assert first.startswith("warning: [layer] thickness = 4 is in metres, as it has no unit")

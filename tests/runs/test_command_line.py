@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from runs.models import Run, choose
 from runs.process import exit_codes, signals
 from runs.scene.scene_file import read_scene
 from runs.session.session import Options, Session
@@ -60,7 +61,7 @@ def test_every_model_that_is_linear_answers_by_name(tmp_path: Path) -> None:
 
 
 def test_a_model_asked_for_by_name_says_what_it_leaves_out(tmp_path: Path) -> None:
-    scene = SCENES / "paper_thin_pair.toml"
+    scene = Path(__file__).with_name("light_pair.toml")
     done = thirdbody("solve", scene, "--model", "linear_bem", "--json", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     notes = strict(done.stdout)["solved"]["notes"]
@@ -69,7 +70,7 @@ def test_a_model_asked_for_by_name_says_what_it_leaves_out(tmp_path: Path) -> No
 
 def test_accuracy_of_the_scene_reaches_the_model(tmp_path: Path) -> None:
     errors, unknowns = {}, {}
-    for wanted in ("1e-1", "1e-6"):
+    for wanted in ("1e-1", "1e-5"):
         scene = tmp_path / f"wanted{wanted}.toml"
         scene.write_text(thin_pair(f"tangential_force = {wanted}"), encoding="utf-8")
         args = ("solve", scene, "--model", "linear_bem", "--json", "--out", tmp_path / wanted)
@@ -79,24 +80,23 @@ def test_accuracy_of_the_scene_reaches_the_model(tmp_path: Path) -> None:
         ball = result["balls"][0]
         errors[wanted] = ball["tangential_force_error"] / abs(ball["tangential_force"][0])
         unknowns[wanted] = result["solved"]["unknowns"]
-    assert errors["1e-6"] <= 1e-6 < errors["1e-1"] <= 0.1
-    assert unknowns["1e-6"] > unknowns["1e-1"]
+    assert errors["1e-5"] <= 1e-5 < errors["1e-1"] <= 0.1
+    assert unknowns["1e-5"] > unknowns["1e-1"]
 
 
 RESTING = [path for path in sorted(SCENES.glob("*.toml")) if "[reciprocation]" not in path.read_text(encoding="utf-8")]
 
 
 @pytest.mark.parametrize("scene", RESTING, ids=lambda path: path.stem)
-def test_every_scene_of_balls_that_stay_is_solved(scene: Path, tmp_path: Path) -> None:
-    done = thirdbody("solve", scene, "--model", "linear_bem", "--json", "--out", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
-    left, right = strict(done.stdout)["balls"]
-    force = left["tangential_force"][0]
+def test_every_scene_of_balls_that_stay_is_solved(scene: Path) -> None:
+    model, problem, _ = choose(read_scene(scene), "linear_bem")
+    left, right = model.solve(problem, Run(1e-3)).balls
+    force = left.tangential_force[0]
     # layers thinner than 1.7 R separate touching balls at the paper's load, thicker ones attract them
     thin = {"paper_thin_pair", "paper_thin_pair_linear", "separation_16mm"}
     assert (force < 0.0) == (scene.stem in thin)
-    assert left["tangential_force_error"] < 1e-3 * abs(force)
-    assert force + right["tangential_force"][0] == pytest.approx(0.0, abs=1e-9 * left["normal_force"])
+    assert left.tangential_force_error < 1e-3 * abs(force)
+    assert force + right.tangential_force[0] == pytest.approx(0.0, abs=1e-9 * left.normal_force)
 
 
 def test_the_default_folder_is_named_after_scene_command_and_model(tmp_path: Path) -> None:
@@ -107,9 +107,9 @@ def test_the_default_folder_is_named_after_scene_command_and_model(tmp_path: Pat
     assert "-1.1613e-07" in done.stdout
 
 
-@pytest.mark.parametrize("ranks", RANKS)
-def test_plan_names_what_is_simulated_and_what_is_not(ranks: int) -> None:
-    done = thirdbody("plan", LINEAR, timeout=60.0, ranks=ranks)
+@pytest.mark.mpi
+def test_plan_names_what_is_simulated_and_what_is_not() -> None:
+    done = thirdbody("plan", LINEAR, timeout=60.0, ranks=2)
     assert done.returncode == 0, done.stderr
     simulated, absent = done.stdout.split("not simulated:")
     assert "[substrate]" in simulated

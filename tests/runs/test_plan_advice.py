@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import re
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,13 @@ import pytest
 
 from linear_bem import Ball, Cone, Elastic, Layer, Load, Problem, solve
 from runs.advice import Advice, Adviser
-from runs.comparison.strengthening_fit import CURVES, fit_error, outside, strengthening_at_force
-from tests.launch import ROOT, thirdbody
+from runs.commands import plan as planning
+from runs.commands.plan import plan_scene
+from runs.comparison.strengthening_fit import CURVES, FITTED_LAW, fit_error, outside, strengthening_at_force
+from runs.scene.scene_file import read_scene
+from tests.launch import ROOT
 
+SCENES = ROOT / "runs" / "scenes"
 SUBSTRATE = Elastic(1e3, 0.3)
 TRIANGLE = """[layer]
 thickness = "3 mm"
@@ -60,18 +65,38 @@ def pair(
     return Problem(Layer(1.0, 0.48, thickness), balls, Load("approach", (approach, approach)), substrate)
 
 
-def advice(problem: Problem, accuracy: float | None = None, *effects: str) -> dict[str, Advice]:
-    ahead = solve(problem, 1e-2)
-    return {item.effect: item for item in Adviser(problem, ahead, accuracy, effects).advise()}
+rough = cache(partial(solve, accuracy=1e-2))
 
 
+@cache
+def advice(problem: Problem, accuracy: float | None = None) -> dict[str, Advice]:
+    return {item.effect: item for item in Adviser(problem, rough(problem), accuracy, ()).advise()}
+
+
+def of_finite_strain(problem: Problem, accuracy: float | None = None, *effects: str, law: str = FITTED_LAW) -> Advice:
+    """Return the advice on finite strain, which takes no further solution."""
+    return Adviser(problem, rough(problem), accuracy, effects, patience=0.0, law=law).advise()[0]
+
+
+@cache
 def force(problem: Problem) -> float:
     return solve(problem, 1e-3).balls[0].tangential_force[0]
 
 
+def planned(scene: Path, capsys: pytest.CaptureFixture[str], *, as_json: bool = False, advises: bool = True) -> str:
+    plan_scene(read_scene(scene), None, as_json=as_json, advises=advises)
+    return capsys.readouterr().out
+
+
+@pytest.fixture
+def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out advice that takes more solutions."""
+    monkeypatch.setattr(planning, "PATIENCE", 0.0)
+
+
 def test_balls_beside_another_body_are_outside_the_fit_of_pairs() -> None:
     balls = (*pair(0.1).balls, Ball((6.0, 0.0), shape=Cone(0.3, 1.0)))
-    found = advice(Problem(Layer(1.0, 0.48, 1.16), balls, Load("approach", (0.1,) * 3)))["finite_strain"]
+    found = of_finite_strain(Problem(Layer(1.0, 0.48, 1.16), balls, Load("approach", (0.1,) * 3)))
     assert found.change is None
     assert "the fit is for spheres and paraboloids only" in found.text
 
@@ -110,12 +135,11 @@ def test_limits_of_the_fit_are_kept_to_roundoff_and_no_layer_is_outside() -> Non
         assert not outside(0.2, 1.2 * radius / radius * (1.0 + 1e-15), 2.1, 0.49, 4.1e6 / 4.1e3 * (1.0 - 1e-15))
     assert "(here 0 R)" in outside(0.2, 0.0, 2.0, 0.48)[0]
     bare = Problem(Layer(1.0, 0.48, 0.0), pair(0.1).balls, Load("approach", (0.1, 0.1)), SUBSTRATE)
-    assert advice(bare)["finite_strain"].matters is None
+    assert of_finite_strain(bare).matters is None
 
 
 def test_the_fit_is_of_one_law() -> None:
-    scene = pair(0.2)
-    found = Adviser(scene, solve(scene, 1e-2), None, ("finite_strain",), law="gent").advise()[0]
+    found = of_finite_strain(pair(0.2), None, "finite_strain", law="gent")
     assert (found.change, found.matters) == (None, None)
     assert "the fit is for the law neo_hookean (here gent)" in found.text
 
@@ -131,27 +155,27 @@ def test_the_fit_holds_its_error_over_its_range_on_a_rigid_base() -> None:
 
 
 def test_an_absent_finite_strain_that_would_matter_is_named_with_its_size() -> None:
-    found = advice(pair(0.32))["finite_strain"]
+    found = of_finite_strain(pair(0.32))
     assert found.change == pytest.approx(0.28, abs=0.01)
     assert found.matters is True
     assert not found.present
     assert found.text.endswith("add [finite_strain]")
-    deep = advice(pair(0.32), 0.28)["finite_strain"]
+    deep = of_finite_strain(pair(0.32), 0.28)
     assert deep.matters is None  # its error bar reaches over the accuracy asked
-    loose = advice(pair(0.02), 0.05)["finite_strain"]
+    loose = of_finite_strain(pair(0.02), 0.05)
     assert loose.matters is False
     assert loose.text.endswith("not needed")
 
 
 def test_a_present_finite_strain_that_does_not_matter_can_be_dropped() -> None:
-    found = advice(pair(0.02), 0.05, "finite_strain")["finite_strain"]
+    found = of_finite_strain(pair(0.02), 0.05, "finite_strain")
     assert found.present
     assert found.matters is False
     assert found.text.endswith("the scene can do without")
 
 
 def test_outside_its_range_the_fit_decides_nothing() -> None:
-    found = advice(pair(0.55))["finite_strain"]
+    found = of_finite_strain(pair(0.55))
     assert found.matters is None
     assert "the fit is for D up to 0.5 R (here 0.5" in found.text
 
@@ -209,42 +233,45 @@ def test_far_neighbours_that_add_nothing_are_named() -> None:
 
 def test_the_drift_of_a_sliding_ball_is_quoted_and_one_ball_gets_no_advice() -> None:
     scene = pair(0.02)
-    ball = solve(scene, 1e-2).balls[0]
+    ball = rough(scene).balls[0]
     ratio = math.hypot(*ball.tangential_force) / ball.normal_force / 0.3
     assert f"{100.0 * ratio:.2g} % of the sliding path (|T|/(0.3 Q))" in advice(scene)["reciprocation"].text
-    assert "reciprocation" not in advice(scene, None, "reciprocation")
+    assert "reciprocation" not in {
+        item.effect for item in Adviser(scene, rough(scene), None, ("reciprocation",), 0.0).advise()
+    }
     alone = Problem(scene.layer, scene.balls[:1], Load("approach", (0.02,)), SUBSTRATE)
     assert advice(alone) == {}
 
 
-def test_plan_prints_its_advice_and_holds_it_in_json() -> None:
-    said = thirdbody("plan", "runs/scenes/paper_thin_pair_linear.toml")
-    assert said.returncode == 0, said.stderr
-    assert "whether they change T by more than the usual accuracy of 2 % (finite strain by a fit" in said.stdout
-    assert "% at equal force, by a fit" in said.stdout
-    assert "time on one idle core: about" in said.stdout
-    assert "|T| / Q = 4.35e-05: separation" in said.stdout
-    assert "below 2 %: the substrate's compliance" in said.stdout
-    done = thirdbody("plan", "runs/scenes/paper_thin_pair_linear.toml", "--json")
-    items: list[dict[str, Any]] = json.loads(done.stdout)["advice"]
+def test_plan_prints_its_advice_and_holds_it_in_json(capsys: pytest.CaptureFixture[str]) -> None:
+    said = planned(SCENES / "paper_thin_pair_linear.toml", capsys)
+    assert "whether they change T by more than the usual accuracy of 2 % (finite strain by a fit" in said
+    assert "% at equal force, by a fit" in said
+    assert "time on one idle core: about" in said
+    assert "|T| / Q = 4.35e-05: separation" in said
+    assert "below 2 %: the substrate's compliance" in said
+    done = planned(SCENES / "paper_thin_pair_linear.toml", capsys, as_json=True)
+    items: list[dict[str, Any]] = json.loads(done)["advice"]
     assert {"finite_strain", "substrate", "sphere", "poisson", "contact size"} <= {item["effect"] for item in items}
     for item in items:
-        assert item["text"] in said.stdout
+        assert item["text"] in said
 
 
-def test_a_plan_without_advice_warns_first_where_small_strain_does_not_hold(tmp_path: Path) -> None:
+def test_a_plan_without_advice_warns_first_where_small_strain_does_not_hold(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     scene = tmp_path / "deep.toml"
-    scene.write_text(
-        TRIANGLE.split("[finite_strain]", maxsplit=1)[0].replace('force = "0.5 N"', 'approach = "2 mm"'), "utf-8"
-    )
-    said = thirdbody("plan", scene, "--no-advice").stdout
+    text = TRIANGLE.replace('[finite_strain]\nlaw = "neo_hookean"\n', "").replace("unknowns = 45000\n", "")
+    scene.write_text(text.replace('force = "0.5 N"', 'approach = "2 mm"'), "utf-8")
+    said = planned(scene, capsys, advises=False)
     assert said.splitlines()[1].startswith("warning: the largest approach is 0.67 of the layer's thickness")
     assert "would change T" not in said
     assert "what the inputs do to T" not in said
 
 
-def test_a_plan_does_not_ask_for_the_finite_strain_that_the_scene_has() -> None:
-    said = thirdbody("plan", "runs/scenes/paper_thin_pair.toml").stdout
+@pytest.mark.usefixtures("hasty")
+def test_a_plan_does_not_ask_for_the_finite_strain_that_the_scene_has(capsys: pytest.CaptureFixture[str]) -> None:
+    said = planned(SCENES / "paper_thin_pair.toml", capsys)
     assert "finite strain changes T by" in said
     assert "add [finite_strain]" not in said
     assert "time on two idle cores (mpirun -n 2): about" in said
@@ -252,19 +279,21 @@ def test_a_plan_does_not_ask_for_the_finite_strain_that_the_scene_has() -> None:
     assert "states solved: 8" in said  # compare: two in each of four load steps
 
 
-def test_a_budget_that_suffices_for_solve_is_planned_where_compare_refuses_it(tmp_path: Path) -> None:
+@pytest.mark.usefixtures("hasty")
+def test_a_budget_that_suffices_for_solve_is_planned_where_compare_refuses_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     scene = tmp_path / "triangle.toml"  # compare's first load steps are light and need a finer mesh
     scene.write_text(TRIANGLE, encoding="utf-8")
-    done = thirdbody("plan", scene)
-    assert done.returncode == 0, done.stderr
+    said = planned(scene, capsys)
     assert re.search(
-        r"in compare: refused: \[accuracy\] unknowns: the coarsest mesh .* \d\d \d{3} unknowns, got 45 000", done.stdout
+        r"in compare: refused: \[accuracy\] unknowns: the coarsest mesh .* \d\d \d{3} unknowns, got 45 000", said
     )
-    assert "by more than the required accuracy of 10 %" in done.stdout
+    assert "by more than the required accuracy of 10 %" in said
 
 
 def test_outside_the_fits_range_no_number_is_given() -> None:
-    found = advice(dataclasses.replace(pair(0.16), layer=Layer(1.0, 0.45, 1.2)))["finite_strain"]
+    found = of_finite_strain(dataclasses.replace(pair(0.16), layer=Layer(1.0, 0.45, 1.2)))
     assert (found.change, found.error, found.matters) == (None, None, None)
     assert "the fit is for nu = 0.47 to 0.49 (here 0.45)" in found.text
     assert "`thirdbody compare` computes it" in found.text
@@ -272,5 +301,5 @@ def test_outside_the_fits_range_no_number_is_given() -> None:
 
 
 def test_advice_writes_per_cents_without_an_exponent() -> None:
-    said = advice(dataclasses.replace(pair(0.2), layer=Layer(1.0, 0.48, 1.16)))["finite_strain"].text
+    said = of_finite_strain(pair(0.2)).text
     assert re.search(r"by \+1\d ± \d(\.\d+)? % at equal force", said), said
