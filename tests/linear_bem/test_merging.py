@@ -11,8 +11,7 @@ from linear_bem import Ball, Cone, Elastic, InvalidProblem, Layer, Load, Problem
 from linear_bem.grid.contacts import GridContacts
 
 
-@pytest.mark.parametrize(("radius", "distance"), [(10.0, 7.0), (100.0, 20.0)])
-@pytest.mark.parametrize("substrate", [Elastic(1e3, 0.3), None])
+@pytest.mark.parametrize(("radius", "distance", "substrate"), [(10.0, 7.0, None), (100.0, 20.0, Elastic(1e3, 0.3))])
 def test_unequal_balls_under_one_holder_agree_with_their_common_approach_prescribed(radius, distance, substrate):
     """Cells differ up to tenfold in side; under a prescribed approach there is no force to keep."""
     balls = (Ball((0.0, 0.0), radius, "paraboloid"), Ball((distance, 0.0), 1.0, "paraboloid"))

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from linear_bem import Ball, ContactSequence, Elastic, Layer, Load, Problem, solve
+from linear_bem import Ball, ContactSequence, Elastic, Layer, Load, Problem, solve, solve_contact
+from linear_bem.nearby import nearby_forces
 from linear_bem.sequence.linearised import LinearisedContacts
 
 ACCURACY = 1e-2
@@ -81,3 +82,23 @@ def test_merging_contacts_are_solved_cold():
     states = [sequence.solve(scene(d)) for d in (2.0, 2.01)]
     assert all(s.cold for s in states)
     assert states[1].tangential_force[0, 0] == pytest.approx(-states[1].tangential_force[1, 0], rel=1e-6)
+
+
+@pytest.mark.parametrize("load", [Load("approach", (0.1, 0.1)), Load("force", (0.02, 0.03))], ids=lambda v: v.kind)
+def test_forces_next_to_a_solution_are_those_of_a_solution_of_their_own(load):
+    def pair(factor):
+        balls = (Ball((-factor, 0.0), 1.0), Ball((factor, 0.0), 1.0))
+        return Problem(Layer(factor, 0.45, 1.5 * factor), balls, load, Elastic(50.0, 0.3))
+
+    near, there = solve_contact(pair(1.05), 1e-5), pair(1.055)
+    wanted = solve_contact(there, 1e-5).contacts.mutual_force
+    assert nearby_forces(near, there) == pytest.approx(wanted, abs=1e-5 * np.max(np.abs(wanted)))
+
+
+def test_there_are_no_forces_next_to_a_solution_on_grids_or_where_contacts_merge():
+    def pair(depth):
+        balls = tuple(Ball((x, 0.0), 1.0, "paraboloid") for x in (-1.0, 1.0))
+        return Problem(Layer(1.0, 0.48, np.inf), balls, Load("approach", (depth, depth)))
+
+    assert nearby_forces(solve_contact(pair(4.0), 1e-2), pair(4.0)) is None
+    assert nearby_forces(solve_contact(pair(0.3), 1e-2), pair(4.0)) is None

@@ -49,12 +49,12 @@ def test_caps_that_the_others_lift_rest_where_one_alone_would():
     places, _ = scattered(150, 18.0, low=0.6, high=0.6)
     balls = tuple(Ball(place, 20.0, "paraboloid", asperity=True) for place in places.tolist())
     depths = rng.uniform(0.0, 0.008, 150).tolist()
-    solution = solve_contact(Problem(Layer(1.0, 0.4, 6.0), balls, Load("approach", tuple(depths))), 1e-3)
+    solution = solve_contact(Problem(Layer(1.0, 0.4, 6.0), balls, Load("approach", tuple(depths))), 1e-2)
     lifted = np.flatnonzero(solution.contacts.normal_forces == 0.0).tolist()
     assert len(lifted) > 3
     together = [value for value, _ in rests(solution.contacts, lifted)]
-    alone = [rest(solution.contacts, ball)[0] for ball in lifted]
-    assert together == pytest.approx(alone, abs=1e-3 * max(depths))
+    alone = [rest(solution.contacts, ball)[0] for ball in lifted[::5]]
+    assert together[::5] == pytest.approx(alone, abs=1e-4 * max(depths))
 
 
 def test_a_mesh_that_does_not_fit_is_refused_with_its_size(monkeypatch):
