@@ -160,7 +160,7 @@ def test_a_ball_far_from_all_others_has_its_pull_within_the_stated_error():
 
 def test_random_balls_agree_with_the_sum_over_all_pairs():
     # other loads, more balls: `python -m tests.linear_bem.random_balls direct 1000 force rigid`
-    found = direct(150, "total_force", "elastic")  # a mesh sums over the far ones
+    found = direct(150, "total_force", "elastic")
     assert found["over the bar"] <= 1.0
     assert found["T"] < 1e-4
     assert found["Q"] < 1e-5
