@@ -59,7 +59,7 @@ def show(session: Session, document: Document) -> None:
         tables.say(
             out, f"{title}; result.json has the final state of each of the {len(document['balls'])} balls", shape
         )
-    tables.say(out, *sentences(session.scene, document, session.scale.units.length))
+    tables.say(out, *sentences(session.scene, document, session.scale.units.length), _cost(document))
     tables.say(out, *tables.notes(document["solved"]))
 
 
@@ -93,14 +93,6 @@ def sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
             f"{100.0 * document['cut_error']:.1g} % of the largest"
         )
     lines += _compared(document)
-    solved = document["solved"]
-    table = document["pair_table"]
-    made = [] if table is None else [table["single"], *table["pairs"], *table["additivity"]]
-    beside = (
-        f"; the table of pairs took {duration(sum(row['seconds'] for row in made))} when it was made" if made else ""
-    )
-    took = f"{number(solved['seconds'], 3)} s of processor time with what follows the path, without pictures"
-    lines.append(f"{count(solved['iterations'], 'step')}: {took}{beside}")
     if document["equilibrium"] is not None:
         lines.append(_balance(document["equilibrium"], smallest, length))
     for pair in document["pair_equilibria"] or []:
@@ -125,6 +117,17 @@ def sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
         slid = path(cycles * sliding.path_per_cycle)
         lines.append(f"the balls first form one cluster after {number(cycles, 3)} cycles, {slid} of sliding path")
     return lines
+
+
+def _cost(document: Document) -> str:
+    """Return the number of steps with the time that they and the table of pairs took."""
+    solved, table = document["solved"], document["pair_table"]
+    made = [] if table is None else [table["single"], *table["pairs"], *table["additivity"]]
+    beside = (
+        f"; the table of pairs took {duration(sum(row['seconds'] for row in made))} when it was made" if made else ""
+    )
+    took = f"{number(solved['seconds'], 3)} s of processor time with what follows the path, without pictures"
+    return f"{count(solved['iterations'], 'step')}: {took}{beside}"
 
 
 def _compared(document: Document) -> list[str]:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import os
 import re
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 
@@ -18,7 +20,7 @@ from runs.commands import plan as planning
 from runs.commands.plan import plan_scene
 from runs.comparison.strengthening_fit import CURVES, FITTED_LAW, fit_error, outside, strengthening_at_force
 from runs.scene.scene_file import read_scene
-from tests.launch import ROOT
+from tests.launch import ROOT, environment
 
 SCENES = ROOT / "runs" / "scenes"
 SUBSTRATE = Elastic(1e3, 0.3)
@@ -84,7 +86,8 @@ def force(problem: Problem) -> float:
 
 
 def planned(scene: Path, capsys: pytest.CaptureFixture[str], *, as_json: bool = False, advises: bool = True) -> str:
-    plan_scene(read_scene(scene), None, as_json=as_json, advises=advises)
+    with patch.dict(os.environ, environment()):  # as wide a terminal as a child process has
+        plan_scene(read_scene(scene), None, as_json=as_json, advises=advises)
     return capsys.readouterr().out
 
 
