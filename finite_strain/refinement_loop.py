@@ -212,6 +212,7 @@ class Refinement:
         for fraction in path:
             rounds = self.records[number - 1].stiffened if self._is_last(number, fraction) else 0
             run.path.ahead = STIFFER**rounds
+            run.path.is_rough = self._is_last(number, fraction)
             yield from run.path.steps([fraction], lambda f: self._predicted(run, number, "own", f))
 
     def _answers(self, number: int) -> Answers:
@@ -239,6 +240,7 @@ class Refinement:
         if run is None or (record.rows and record.rows[-1].small is None):
             return None
         try:
+            run.path.is_rough = rounds > 0
             *_, done = run.path.steps([fraction], lambda f: self._predicted(run, number, "small", f))
             run.path.augment(done)
             run.path.stiffen(done, STIFFER, rounds)

@@ -77,7 +77,8 @@ class LoadPath:
     ``observe`` is called with the fraction and the number of cut-backs when a step begins; ``stiffer`` multiplies the
     penalties of states with multipliers; ``shortest`` is the load step over the goal below which the path ends, and
     ``longest`` the first step over full load after a predictor's state failed. The attribute ``ahead`` multiplies the
-    penalties of the next step if it starts with a predictor's multipliers, and returns to 1 if that fails.
+    penalties of the next step if it starts with a predictor's multipliers, and returns to 1 if that fails. With
+    ``is_rough`` states with multipliers have up to `ROUGH` times the residual, until `stiffen` makes them exact.
     """
 
     def __init__(
@@ -89,7 +90,7 @@ class LoadPath:
         self.history: list[State] = []
         self._borrowed = False
         """Whether states of the path began with those of another discretisation, or of an earlier run."""
-        self.source, self.ahead = self.model.contact.penalised, 1.0
+        self.source, self.ahead, self.is_rough = self.model.contact.penalised, 1.0, False
 
     def steps(self, fractions: Sequence[float], predictor: Predictor = lambda _: None) -> Iterator[StepRecord]:
         """Yield after each converged step; all fractions are reached in turn, with smaller steps where needed.
@@ -187,7 +188,7 @@ class LoadPath:
     def stiffen(self, record: StepRecord, factor: float, times: int, wanted: Callable[[], bool] = lambda: True) -> int:
         """Multiply the penalties of an equilibrium by a factor, while ``wanted``; return how often (collective).
 
-        If Newton's method fails, the previous state is kept. The multipliers do not change.
+        If Newton's method fails, the previous state is kept. The multipliers do not change. The residual ends exact.
         """
         first, taken = self._kept(record), 0
         try:
@@ -200,10 +201,12 @@ class LoadPath:
                     self._return_to(kept, record, factor)
                     break
                 taken += 1
-            if taken:
+            if taken or self.is_rough:
                 self._newton(record, keeps=True)
         except NotConverged:
             self._return_to(first, record, factor**taken)
+            if self.is_rough:
+                self._newton(record)
             return 0
         return taken
 
@@ -254,7 +257,7 @@ class LoadPath:
             contact.close_gaps(1.0 / PARTS)
             self._newton(record, ROUGH)
         contact.close_gaps(1.0 / PARTS if gradually else 1.0)
-        self._newton(record)
+        self._newton(record, ROUGH if self.is_rough else 1.0)
         moved = np.abs(model.forces()[:, 2] - before) / np.maximum(before, 0.1 * before.max())
         if moved.max() > SPURIOUS:
             raise NotConverged("the equilibrium found has other normal forces than the state that it started from")

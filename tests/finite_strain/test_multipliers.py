@@ -17,7 +17,7 @@ from finite_strain import one_discretisation
 from finite_strain.accuracy.answer import MOST
 from finite_strain.accuracy.error_budget import enforcement
 from finite_strain.contact.contact_energy import Penalised
-from finite_strain.equilibrium.load_path import DOUBLINGS, LoadPath, State, StepRecord
+from finite_strain.equilibrium.load_path import DOUBLINGS, RESIDUAL, LoadPath, State, StepRecord
 from finite_strain.geometry.estimates import PENETRATION
 from finite_strain.one_discretisation import LARGEST_PENETRATION, ROUNDS, STIFFER, MeshRun
 from finite_strain.planning.records import Record, save_records, saved_records
@@ -152,10 +152,13 @@ def test_a_step_begins_with_the_penalties_asked_ahead_unless_that_fails(
     spent = last.newton_iterations
 
     rig = quadratic_rig(pair(0.2, poisson=0.3), tmp_path, ONE_LOAD)
-    rig.path.ahead = STIFFER**ROUNDS
+    rig.path.ahead, rig.path.is_rough = STIFFER**ROUNDS, True
     (record,) = rig.path.steps([1.0], lambda _: good)
     assert record.augmented
+    exact = RESIDUAL * known.normal_forces().max()
+    assert record.residual > exact
     assert rig.run.enforce(record) == ROUNDS  # those from the start count
+    assert record.residual <= exact
     assert rig.model.contact.penalties == relatively(known.model.contact.penalties, 1e-12)
     later, first = known.run.state(1.0), rig.run.state(1.0)
     assert first.penetration == relatively(later.penetration, 0.05)
@@ -179,6 +182,27 @@ def test_a_step_begins_with_the_penalties_asked_ahead_unless_that_fails(
     assert again.path.ahead == 1.0
     monkeypatch.setattr(one_discretisation, "LARGEST_PENETRATION", 1.0)
     assert again.run.enforce(record) == 0
+
+
+def test_a_rough_state_ends_exact_even_where_stiffer_penalties_find_no_equilibrium(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = quadratic_rig(pair(0.1, poisson=0.3), tmp_path, ONE_LOAD)
+    *_, record = rig.press()
+    rig.path.is_rough = True
+    assert rig.path.augment(record)
+    kept, newton, exact = rig.model.contact.penalties, rig.path._newton, RESIDUAL * rig.normal_forces().max()
+    assert record.residual > exact
+
+    def only_as_soft(record: StepRecord, rough: float = 1.0, keeps: bool = False) -> None:
+        if keeps and rough == 1.0:
+            raise NotConverged("Newton's method stopped")
+        newton(record, rough, keeps)
+
+    monkeypatch.setattr(rig.path, "_newton", only_as_soft)
+    assert rig.path.stiffen(record, STIFFER, 1) == 0
+    assert rig.model.contact.penalties == relatively(kept, 1e-12)
+    assert record.residual <= exact
 
 
 def test_a_path_that_began_with_another_meshs_states_and_ends_early_is_taken_again(

@@ -121,6 +121,7 @@ def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
     document = json.loads((out / "result.json").read_text(encoding="utf-8"))
     assert document["solved"]["converged"]
     assert {"scene", "model", "balls", "steps", "path", "events", "ensemble", "rest", "equilibrium"} <= set(document)
+    assert all(" ".join(sentence.split()) in " ".join(done.stdout.split()) for sentence in document["sentences"])
     assert document["equilibrium"]["verdict"] == "stable"
     assert document["equilibrium"]["distance_from_end"] < 1e-8
     with open(out / "steps.csv", encoding="utf-8", newline="") as table:

@@ -162,18 +162,24 @@ def test_an_evolution_is_shown_by_its_tables_though_no_model_knows_pressures(tmp
     }  # fmt: skip
     solved = {"seconds": 1.0, "ranks": 1, "iterations": 3, "unknowns": 4, "notes": ["forces by pairs"]}
     solved["versions"] = {"numpy": "1.24"}
-    ensemble = [{"seed": 1, "groups": 2}, {"seed": 2, "groups": 1}]
+    more = {
+        "ensemble": [{"seed": 1, "groups": 2, "cycles_end": 4.5}, {"seed": 2, "groups": 1, "cycles_end": 3.5}],
+        "events": [{"cycle": 0.5, "sigma": 2.0, "pair": [0, 3], "kind": "touch"}], "rest": {"force_over_load": 0.03},
+        "sentences": ["at rest after 4.5 cycles: 3 contacts hold the balls"],
+    }  # fmt: skip
     problem = {"balls": [{"radius": 1.0}], "layer": {"young": 1.0}}
     identity = {"command": "evolve", "model": "point_load", "problem": problem}
     (tmp_path / MARK).write_text(json.dumps({"identity": identity, "state": "running"}))
-    document = {"balls": [ball], "steps": [], "ensemble": ensemble, "solved": solved}
+    document = {"balls": [ball], "steps": [], "solved": solved, **more}
     (tmp_path / "result.json").write_text(json.dumps(document))
     page = Page(page_of(read_folder(tmp_path)))
     assert not page.faults
     text = " ".join(page.text)
-    for words in ("normal force Q", "seed", "groups", "Note: forces by pairs", "1.24", "unfinished"):
+    for words in ("normal force Q", "seed", "groups", "Note: forces by pairs", "1.24", "unfinished", "0, 3", "touch"):
         assert words in text
-    assert "contact radius" not in text
+    for words in ("at rest after 4.5 cycles", "sliding path / friction [m]", "cycles at the end"):
+        assert words in text
+    assert not any(words in text for words in ("contact radius", "sigma", "force over load"))
 
 
 def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
