@@ -67,7 +67,8 @@ class Adviser:
         place = problem.balls[self.ball].position
         self.away = [math.dist(place, ball.position) for ball in problem.balls]
         self.run = Run(max(SHARE * self.accuracy, 1e-4))
-        self.spent = FINER * ahead.solved.seconds  # of the state that changes refer to
+        self.is_known = ahead.balls[self.ball].tangential_force_error <= (self.run.tangential_force or 0.0) * self.size
+        self.spent = 0.0 if self.is_known else FINER * ahead.solved.seconds  # of the state that changes refer to
         self.left_out: list[str] = []
 
     def advise(self) -> list[Advice]:
@@ -108,9 +109,7 @@ class Adviser:
 
     @cached_property
     def _exact(self) -> tuple[float, float]:
-        known = self.ahead
-        if known.balls[self.ball].tangential_force_error > (self.run.tangential_force or 0.0) * self.size:
-            known = MODELS["linear_bem"].solve(self.problem, self.run)
+        known = self.ahead if self.is_known else MODELS["linear_bem"].solve(self.problem, self.run)
         return known.balls[self.ball].tangential_force
 
     def _judged(self, change: float) -> bool:

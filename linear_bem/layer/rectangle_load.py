@@ -74,9 +74,9 @@ def uniform_square_displacement(
 
         def smooth_part(px: float, py: float) -> float:
             u, wu = graded_rule(-half_side - px, half_side - px, finest, 12)
-            low, times = (0.0, 2.0) if py == 0.0 else (-half_side - py, 1.0)  # both halves are alike on the axis
+            low, halves = (0.0, 2.0) if py == 0.0 else (-half_side - py, 1.0)  # both halves are alike on the axis
             v, wv = graded_rule(low, half_side - py, finest, 12)
-            return times * float(wu @ kernel.smooth(np.hypot(u[:, None], v)) @ wv)
+            return halves * float(wu @ kernel.smooth(np.hypot(u[:, None], v)) @ wv)
 
         smooth = np.array([smooth_part(float(px), float(py)) for px, py in zip(x.ravel(), y.ravel(), strict=True)])
         total = total + smooth.reshape(x.shape)

@@ -138,9 +138,9 @@ class Zone:
         along = along_rays(p, cos, sin)
         for _ in range(40):
             value, slope = np.zeros_like(t), np.zeros_like(t)
-            for c in along[::-1]:
+            for coefficient in along[::-1]:
                 slope = slope * t + value
-                value = value * t + c
+                value = value * t + coefficient
             move = value / np.minimum(slope, floor)
             t = t - np.minimum(np.maximum(move, -0.3), 0.3)
             if np.max(np.abs(move)) < 3e-8:

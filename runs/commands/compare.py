@@ -5,7 +5,7 @@ from linear_bem.errors import UnsupportedProblem
 from linear_bem.result import Result
 from runs.comparison import interpolant, sensitivity
 from runs.comparison.linear_states import LinearStates
-from runs.comparison.strengthening_factors import answer, compare_steps
+from runs.comparison.strengthening_factors import answer, compare_steps, last_row, of_ball
 from runs.display import figures, tables
 from runs.display.numbers import leading_ball
 from runs.display.rows import LEGEND, OF_VECTORS, compared_ball_rows, comparison_rows, may_turn
@@ -56,14 +56,16 @@ def _compute(session: Session) -> Document | None:
     if session.root:
         document = save(result)
         balls = document["finite"]["balls"]
-        leading = leading_ball(balls)
-        off = interpolant.where_off(document["comparison"], leading, session.scale) if len(balls) > 1 else ""
-        document["answer"] = f"{document['answer']} {off}".rstrip()
-        between = interpolant.table(document["comparison"], leading)
+        rows, scale = document["comparison"], session.scale
+        row = last_row(rows, balls) if len(balls) > 1 else None
+        if row is not None:
+            leaves = interpolant.leaves_one(rows, row["ball"], scale, of_ball(row, balls))
+            document["answer"] = f"{document['answer']} {leaves}".rstrip()
+        between = interpolant.table(rows, leading_ball(balls))
         if between:
             write_csv(session.out / "strengthening.csv", between)
-        figures.draw_comparison(session.out, document["comparison"], balls, session.scale, between)
-        figures.draw_surface(session.out, session.problem, balls, session.scale)
+        figures.draw_comparison(session.out, rows, balls, scale, between)
+        figures.draw_surface(session.out, session.problem, balls, scale)
     last = size - 1  # computes beside rank 0, which solves the linear states and draws
     inputs = ranks.share(sensitivity.record(session.problem) if rank == last else None, root=last)
     if document is not None:

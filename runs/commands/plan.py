@@ -20,7 +20,7 @@ from runs.comparison.linear_states import accuracy_beside
 from runs.display import tables
 from runs.display.numbers import Scale, attraction, bodies, leading_ball, number, toward_others
 from runs.display.plan_words import domain, memory_words, name, word
-from runs.look_ahead import ABOUT, CLOSE, FEW, ROUGH, ahead_of, closest, memory, unknowns_of
+from runs.look_ahead import ABOUT, CLOSE, FEW, ROUGH, ahead_of, closest, measured, memory, unknowns_of
 from runs.models import LINEAR_SECONDS, MODELS, USUAL, Model, as_command, choose, load_path, standing
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
@@ -99,6 +99,8 @@ def _advice(
     ``leading``: number of its ball with the largest T; ``patience``: time limit [s].
     """
     close, near = closest(part, ahead)
+    if near is ahead and "periodic" in scene.drift:  # it was solved in the cell
+        near = measured(close, ROUGH)
     chosen = (scene.problem.finite_strain or FiniteStrain()).chosen
     law = chosen.name if isinstance(chosen, Law) else "an own one"
     adviser = Adviser(close, near, scene.tangential_force, scene.effects, patience, law)

@@ -23,7 +23,7 @@ COLUMNS = {"normal_force": (0.0, 3), "strengthening_at_force": (1.0, 1), "streng
 """Interpolated quantities: value at zero load, and leading power of x in the deviation from it."""
 RATIOS = {"strengthening_at_force": "S_Q", "strengthening_at_approach": "S_D"}
 OFF = 0.05
-"""Deviation of a ratio from 1 whose approach `where_off` looks for."""
+"""Deviation of a ratio from 1 whose approach `leaves_one` looks for."""
 ROUNDED = 1e-3
 """Smallest error of that approach over it: the ratio is interpolated linearly between tabulated approaches."""
 
@@ -89,40 +89,41 @@ def table(rows: Sequence[Mapping[str, Any]], ball: int) -> list[dict[str, float]
     return answer
 
 
-def where_off(rows: Sequence[Mapping[str, Any]], ball: int, scale: Scale) -> str:
-    """Return a sentence on the approaches from which the ratios of a ball differ from 1 by `OFF`; empty if unknown."""
-    curves, parts = interpolants(rows, ball), []
-    for name, short in RATIOS.items():
-        if name in curves:
-            curve = curves[name]
-            at, error = _first_off(curve)
-            first, last = (scale.both(curve.approaches[end]) for end in (0, -1))
-            if at is None:
-                parts.append(f"{short} {'perhaps ' if error else ''}nowhere up to D = {last}")
-            elif at == curve.approaches[0]:
-                parts.append(f"{short} already at the first load step (D = {first})")
-            else:
-                parts.append(f"{short} from D = {with_error(at / scale.radius, error / scale.radius)} R on")
-    return f"S differs from 1 by {100 * OFF:.0f} % or more: {', '.join(parts)}." if parts else ""
+def leaves_one(rows: Sequence[Mapping[str, Any]], ball: int, scale: Scale, of_ball: str = "") -> str:
+    """Return a sentence on the approaches at which the ratios of a ball leave 1 by `OFF`; empty if unknown."""
+    parts = [
+        f"{short} {_leaving(curves[name], scale)}"
+        for curves in [interpolants(rows, ball)]
+        for name, short in RATIOS.items()
+        if name in curves
+    ]
+    return f"S{of_ball} leaves 1 \u00b1 {OFF:g}: {', '.join(parts)}." if parts else ""
 
 
-def _first_off(curve: Interpolant) -> tuple[float | None, float]:
-    """Return the first approach [m] at which a ratio is `OFF` from 1, with its error, or None.
-
-    With None the second number is 0 unless the ratio's errors leave open whether it is.
-    """
+def _leaving(curve: Interpolant, scale: Scale) -> str:
+    """Return where a ratio leaves 1 by `OFF` first, and where it returns."""
     approaches = np.linspace(curve.approaches[0], curve.approaches[-1], 4 * POINTS)
     values, errors = np.array([curve(float(approach)) for approach in approaches]).T
+    off, errors = np.abs(values - 1.0), np.nan_to_num(errors, nan=1e300)
 
-    def first(off: np.ndarray) -> float | None:
-        beyond = np.flatnonzero(off > OFF)
+    def first(excess: np.ndarray) -> float | None:
+        """Return the approach at which an excess over `OFF` first passes zero from below."""
+        beyond = np.flatnonzero(excess > 0.0)
         if not len(beyond):
             return None
-        n = max(int(beyond[0]), 1)
-        return float(approaches[0] if off[0] > OFF else np.interp(OFF, off[n - 1 : n + 1], approaches[n - 1 : n + 1]))
+        n = int(beyond[0])
+        at = np.interp(0.0, excess[n - 1 : n + 1], approaches[n - 1 : n + 1]) if n else approaches[0]
+        return float(at)
 
-    early, at, late = (first(np.abs(values - 1.0) + sign * errors) for sign in (1, 0, -1))
+    early, at, late = (first(off + sign * errors - OFF) for sign in (1.0, 0.0, -1.0))
+    start, end = (scale.both(approaches[i]) for i in (0, -1))
     if at is None:
-        return None, 0.0 if early is None else math.inf
-    assert early is not None  # errors are not negative
-    return at, max(at - early, (late or approaches[-1]) - at, ROUNDED * at)
+        return f"{'perhaps' if early is not None else 'nowhere'} up to D = {end}"
+    back = first(np.where(approaches > at, OFF - off, -1.0))
+    returns = "" if back is None else f" (it returns at D = {scale.both(back)})"
+    if at == approaches[0]:
+        return f"{'' if late == at else 'perhaps '}before the first load step, D = {start}{returns}"
+    if early in (None, approaches[0]) or late is None:
+        return f"perhaps at D = {scale.both(at)}{returns}"
+    unit, error = scale.units.length, max(at - early, late - at, ROUNDED * at)
+    return f"at D = {with_error(at / unit.size, error / unit.size)} {unit.name}{returns}"

@@ -102,31 +102,40 @@ def strengthening(
     return ratio, (own + abs(ratio) * error) / size, None
 
 
+def last_row(rows: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
+    """Return the row at the end of the load path of the leading ball, or of another if only that has a ratio."""
+    last = [row for row in rows if row["step"] == rows[-1]["step"] and row["strengthening_at_force"] is not None]
+    leading = leading_ball(balls)  # also shown in tables and figures
+    return next((row for row in last if row["ball"] == leading), last[0] if last else None)
+
+
+def of_ball(row: Mapping[str, Any], balls: Sequence[Mapping[str, Any]]) -> str:
+    """Return which ball a row is about, where that is not clear."""
+    return "" if len(balls) == 2 else f" on ball {row['ball']}"
+
+
 def answer(rows: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]], scale: Scale) -> str:
     """Return a sentence on the change of the tangential force by finite strain at the end of the load path."""
     if len(balls) == 1:
         return "One ball feels no tangential force: there is nothing to compare."
-    last = [row for row in rows if row["step"] == rows[-1]["step"] and row["strengthening_at_force"] is not None]
-    if not last:
+    row = last_row(rows, balls)
+    if row is None:
         return "The linear tangential force is below its own error on every ball: there is nothing to compare."
-    leading = leading_ball(balls)  # also shown in tables and figures
-    row = next((r for r in last if r["ball"] == leading), last[0])
     depth, load = row["approach"], scale.units.force(row["normal_force"], 3)
     over = "" if scale.dimensionless else f"{number(depth / scale.radius, 3)} R, "
     state = f"At D = {scale.units.length(depth, 3)} ({over}Q = {load})"
     ratio, error = row["strengthening_at_force"], row["strengthening_at_force_error"]
     kind = _kind(balls, row["ball"], row["tangential_linear"])
-    of_ball = "" if len(balls) == 2 else f" on ball {row['ball']}"
     if ratio + error < 0.0:
         opposite = {"attraction": "separation", "separation": "attraction"}.get(kind, "opposite")
         text = (
-            f"{state} finite strain turns the linear {kind} force{of_ball} into {opposite}, "
+            f"{state} finite strain turns the linear {kind} force{of_ball(row, balls)} into {opposite}, "
             f"{with_error(-ratio, error)} times as large at equal force"
         )
     else:
         text = (
-            f"{state} finite strain makes the {kind} force{of_ball} {with_error(ratio, error)} times the linear one "
-            "at equal force"
+            f"{state} finite strain makes the {kind} force{of_ball(row, balls)} {with_error(ratio, error)} times the "
+            "linear one at equal force"
         )
     if row["strengthening_at_approach"] is not None:
         ratio, error = row["strengthening_at_approach"], row["strengthening_at_approach_error"]

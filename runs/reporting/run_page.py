@@ -13,18 +13,19 @@ from runs.display.tables import mesh_words
 from runs.process.json_values import Document
 from runs.reporting.folder import Folder
 from runs.scene.scene_file import Tables
+from runs.scene.units import Unit
 
 SHOWN_ELSEWHERE = ("scene", "solved", "balls", "steps", "path", "continuation", "sentences")
 """Keys of a document that the page shows in other parts or in figures."""
 SAID = ("rest", "direct_check", "equilibrium", "pair_equilibria", "pair_table")
 """Keys of a drift that its sentences explain."""
 WORDS = {
-    "sigma": "sliding path / friction [m]", "sigma_end": "sliding path / friction at the end [m]", "pair": "balls",
-    "kind": "event", "cycles_end": "cycles at the end", "cycles_one_group": "cycles until one cluster",
-    "narrow_over_wide": "width / length of the arrangement",
+    "pair": "balls", "kind": "event", "cycles_end": "cycles at the end", "groups": "balls in clusters",
+    "cycles_one_group": "cycles until one cluster", "narrow_over_wide": "width / length of the arrangement",
 }  # fmt: skip
-"""Names of a drift's columns, where they are not those of the document."""
-MOST_ROWS = 100
+PATHS = {"sigma": "sliding path over friction", "sigma_end": "sliding path over friction at the end"}
+"""Names of a drift's columns, where they are not those of the document; ``PATHS`` are lengths [m]."""
+MOST_ROWS, MOST_NUMBERS = 100, 10
 STRENGTHS = (("S_Q", "strengthening_at_force"), ("S_D", "strengthening_at_approach"))
 
 
@@ -71,10 +72,8 @@ def _solution(folder: Folder, document: Mapping[str, Any]) -> Document:
         for name, route in (balls[leading].get("tangential_force_routes") or {}).items()
     ]
     found["sentences"] = document.get("sentences", [])
-    omitted = [*SHOWN_ELSEWHERE, *(SAID if found["sentences"] else ())]
-    if found["sentences"] and len(document["ensemble"]) == 1:
-        omitted.append("ensemble")
-    return found | {"tables": _tables(document, omitted)}
+    omitted = (*SHOWN_ELSEWHERE, *(SAID if found["sentences"] else ()))
+    return found | {"tables": _tables(document, omitted, scale.units.length)}
 
 
 def _comparison(folder: Folder, document: Mapping[str, Any]) -> Document:
@@ -101,12 +100,12 @@ def _sensitivity(folder: Folder, document: Mapping[str, Any], scale: Scale) -> D
     return {"inputs": inputs, "inputs_checked": caption}
 
 
-def _tables(document: Mapping[str, Any], omitted: Sequence[str]) -> list[tuple[str, list[Document], str]]:
+def _tables(document: Mapping[str, Any], omitted: Sequence[str], length: Unit) -> list[tuple[str, list[Document], str]]:
     """Return title, rows and caption for each list of rows, except under ``omitted`` keys."""
     found = []
     for key, value in document.items():
         rows = value if isinstance(value, list) else [value] if isinstance(value, dict) else []
-        flat = [flat for row in rows if isinstance(row, dict) and (flat := _flat(row))]
+        flat = [flat for row in rows if isinstance(row, dict) and (flat := _flat(row, length))]
         if flat and key not in omitted:
             title = key.replace("_", " ").capitalize()
             limited = f" (the first {MOST_ROWS} of {len(flat)})" if len(flat) > MOST_ROWS else ""
@@ -114,14 +113,16 @@ def _tables(document: Mapping[str, Any], omitted: Sequence[str]) -> list[tuple[s
     return found
 
 
-def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
+def _flat(row: Mapping[str, Any], length: Unit) -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for name, value in row.items():
         key = WORDS.get(name, name)
-        if isinstance(value, str | int | float | bool) or value is None:
+        if name in PATHS:
+            flat[length.heading(PATHS[name])] = value / length.size
+        elif isinstance(value, str | int | float | bool) or value is None:
             flat[key] = value
-        elif isinstance(value, list) and len(value) == 2 and all(isinstance(v, int) for v in value):
-            flat[key] = f"{value[0]}, {value[1]}"
+        elif isinstance(value, list) and 0 < len(value) < MOST_NUMBERS and all(isinstance(v, int) for v in value):
+            flat[key] = ", ".join(map(str, value))
         elif isinstance(value, list) and len(value) == 2 and all(isinstance(v, int | float) for v in value):
             flat |= {f"{key} x": float(value[0]), f"{key} y": float(value[1])}
     return flat

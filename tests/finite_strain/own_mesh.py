@@ -1,4 +1,4 @@
-"""Own meshes on several ranks: that of the light run in FOLDER, as a file or from DOLFINx, and one on the first alone.
+"""Own meshes on several ranks: that of the run in FOLDER, as a file or from DOLFINx; one with all cells on the first.
 
 mpirun -n 2 python -m tests.finite_strain.own_mesh FOLDER
 """

@@ -99,7 +99,7 @@ PATH = [0.5, 1.0]
 STIFFEST = ["displacements, nu 0.48", "mixed, nu 0.5"]
 
 
-@pytest.mark.parametrize("case", STIFFEST)
+@pytest.mark.parametrize("case", CASES)
 def test_a_direct_solver_and_multigrid_agree_on_a_deep_contact(
     case: str, tmp_path: Path, options: Callable[[str, str], None]
 ) -> None:

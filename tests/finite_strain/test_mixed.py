@@ -285,7 +285,7 @@ def test_a_ball_pressed_deep_meets_the_published_incompressible_law(
     plan = coarse_plan(problem, extent=wide(problem))
     rig = coarse_rig(plan, tmp_path_factory.mktemp("deep"), CUBIC)
     for record in rig.path.steps([0.25, 0.5, 1.0]):
-        if record.fraction == 1.0:  # where the elements resolve the contact best
+        if record.fraction >= 0.5:  # where the elements resolve the contact
             assert rig.path.augment(record)
             expected = long_force(record.fraction * 0.5, 1.0, problem.layer, thickness)
             # theory: the fit's own 0.6 %, and discretisation

@@ -187,7 +187,7 @@ def test_constrained_components_keep_rows_of_their_own_at_every_order(tmp_path: 
         fine, fixed = coarse, held
 
 
-MOST = {"displacement": 20, "mixed": 30}
+MOST = {"displacement": 16, "mixed": 25}
 """Iterations; 13 and 20 are taken at order 3."""
 
 
@@ -199,7 +199,7 @@ def test_iterations_are_few_at_order_3(form: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("form", "numerics"), [("displacement", DEFAULT), ("mixed", COARSER)], ids=FORMS)
-def test_iterations_grow_little_with_the_mesh(form: str, numerics: Numerics, tmp_path: Path) -> None:
+def test_iterations_grow_little_with_the_mesh_at_order_2(form: str, numerics: Numerics, tmp_path: Path) -> None:
     taken = []
     for fineness in (1.0, 1.5):
         (tmp_path / str(fineness)).mkdir()

@@ -84,8 +84,8 @@ def on_two(result: Any, folder: Path) -> Any:  # a run in this folder, with its 
 def test_the_mesh_of_a_scenes_run_gives_the_scenes_answer_on_two_ranks(on_two: Any, result: Any) -> None:
     scene, own = result.balls[0], on_two["file"]["balls"][0]  # on one rank: the tutorial
     assert own["normal_force"] == relatively(scene.normal_force, 1e-8)
-    assert own["tangential_force"][0] == relatively(scene.tangential_force[0], 1e-6)
-    assert own["tangential_force_error"] == relatively(scene.tangential_force_error, 1e-4)
+    assert own["tangential_force"][0] == relatively(scene.tangential_force[0], 1e-8)
+    assert own["tangential_force_error"] == relatively(scene.tangential_force_error, 1e-6)
     assert on_two["alike"] == [True, True]  # read by the user, the mesh is the file's
 
 

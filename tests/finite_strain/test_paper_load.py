@@ -15,8 +15,8 @@ from tests.finite_strain.scenes import COARSER, PAPER_LOAD, SHAPES, STIFF_SUBSTR
 
 pytestmark = pytest.mark.slow
 
-CASES = [("small_strain", 1.16, 0.1), ("finite_strain", 1.16, 0.1), ("finite_strain", 6.0, 0.1)]
-"""Model, thickness, and the requested accuracy."""
+CASES = [("small_strain", 1.16, 0.1), ("finite_strain", 1.16, 0.05), ("finite_strain", 6.0, 0.05)]
+"""Model, thickness, and the requested accuracy: a higher one where a pair removes the error of the mesh."""
 
 
 @pytest.fixture(scope="module", params=CASES, ids=[f"{model}, h = {h}" for model, h, _ in CASES])
@@ -41,6 +41,7 @@ def test_the_tangential_force_meets_the_linear_model(both: tuple[str, Any, Any])
     # theory: departures are a fifth of sqrt(D/R) = 0.11 at most
     theory = 0.0 if model == "small_strain" else 0.022 * abs(reference.tangential_force[0])
     assert difference < ball.tangential_force_error + reference.tangential_force_error + theory
+    assert difference < 0.06 * abs(reference.tangential_force[0])  # also where the bar is that difference itself
     accuracy = elements.solved.accuracy
     assert accuracy["met"]
     assert ball.tangential_force_error <= accuracy["asked"] * abs(ball.tangential_force[0])

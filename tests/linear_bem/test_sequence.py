@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from linear_bem import Ball, ContactSequence, Elastic, Layer, Load, Problem, solve, solve_contact
+from linear_bem import Ball, ContactSequence, Elastic, FiniteStrain, Layer, Load, Problem, solve, solve_contact
 from linear_bem.nearby import nearby_forces
 from linear_bem.sequence.linearised import LinearisedContacts
 
@@ -95,10 +95,33 @@ def test_forces_next_to_a_solution_are_those_of_a_solution_of_their_own(load):
     assert nearby_forces(near, there) == pytest.approx(wanted, abs=1e-5 * np.max(np.abs(wanted)))
 
 
-def test_there_are_no_forces_next_to_a_solution_on_grids_or_where_contacts_merge():
+def test_there_are_no_forces_next_to_a_solution_on_grids_or_of_a_sample_or_where_contacts_merge_open_or_close():
     def pair(depth):
         balls = tuple(Ball((x, 0.0), 1.0, "paraboloid") for x in (-1.0, 1.0))
         return Problem(Layer(1.0, 0.48, np.inf), balls, Load("approach", (depth, depth)))
 
     assert nearby_forces(solve_contact(pair(4.0), 1e-2), pair(4.0)) is None
     assert nearby_forces(solve_contact(pair(0.3), 1e-2), pair(4.0)) is None
+    assert nearby_forces(solve_contact(pair(0.3), 1e-2, sample=1), pair(0.31)) is None
+
+    def beside(low):
+        balls = (*(Ball((x, 0.0), 1.0) for x in (-1.2, 1.2)), Ball((0.0, 3.0), 1.0, asperity=True))
+        return Problem(Layer(1.0, 0.45, 1.5), balls, Load("approach", (0.1, 0.1, low)))
+
+    for before, after in ((-0.01, 0.01), (0.01, -0.01)):
+        assert nearby_forces(solve_contact(beside(before), 1e-3), beside(after)) is None
+
+
+def test_there_are_no_forces_next_to_a_solution_of_other_balls_loads_or_models():
+    def pair(load, size=2, **effects):
+        balls = tuple(Ball((2.2 * i, 0.0), 1.0) for i in range(size))
+        return Problem(Layer(1.0, 0.45, 1.5), balls, load, **effects)
+
+    force = Load("force", (0.02, 0.0))
+    near = solve_contact(pair(force), 1e-3)
+    assert nearby_forces(near, pair(force)) is not None
+    for other in (
+        pair(Load("force", (0.02, 0.02))), pair(Load("total_force", (0.02,))), pair(Load("force", (0.02,)), 1),
+        pair(force, finite_strain=FiniteStrain()),
+    ):  # fmt: skip
+        assert nearby_forces(near, other) is None

@@ -59,6 +59,7 @@ def test_the_document_holds_both_models_and_a_row_per_step_and_ball(compared: tu
     assert row["normal_force_linear_at_approach"] == pytest.approx(row["normal_force"], rel=1e-6)
     assert row["approach_linear_at_force"] == pytest.approx(row["approach"], rel=1e-4)
     assert "makes the separation force 1.100 ± 0.006 times" in document["answer"]
+    assert "S leaves 1 ± 0.05: S_Q " in document["answer"]  # at the first load step
     assert document["sensitivity"]["lengths"] == pytest.approx(2.0, abs=0.01)
     page = page_of(read_folder(out))
     assert "Sensitivity of T to the inputs" in page
@@ -170,7 +171,9 @@ def test_a_folder_that_fails_during_the_run_ends_all_ranks_with_one_message(tmp_
     assert "Traceback" not in done.stderr
 
 
-def test_an_interruption_is_no_failed_iteration(tmp_path: Path, compared: tuple[dict[str, Any], Path]) -> None:
+def test_a_signal_is_no_failed_iteration_and_the_run_continues_to_the_same_answer(
+    tmp_path: Path, compared: tuple[dict[str, Any], Path]
+) -> None:
     command = [sys.executable, "-m", "tests.runs.elements", "compare", str(SCENE), "--out", str(tmp_path / "out")]
     for number in (signal.SIGINT, signal.SIGTERM):
         with subprocess.Popen(

@@ -29,7 +29,6 @@ from tests.launch import ROOT, environment, python, thirdbody
 from tests.test_architecture import HEAVY, LOADED
 
 SCENES = sorted((ROOT / "runs" / "scenes").glob("experiment_*.toml"))
-FOUR = ROOT / "runs" / "scenes" / "experiment_line_of_four_30mm.toml"
 TEXT = """
 [layer]
 thickness = "80 mm"
@@ -85,7 +84,7 @@ def evolved(scene: Scene, out: Path, model: str = "point_load") -> dict[str, Any
     return document
 
 
-def leave_out(patch: pytest.MonkeyPatch) -> None:
+def leave_out_pictures_and_check(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(showing, "draw", lambda *given: None)
     patch.setattr(outcome, "direct_check", lambda *given: ([], []))
 
@@ -93,7 +92,7 @@ def leave_out(patch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the pictures and the comparison with the full model, which take longest."""
-    leave_out(monkeypatch)
+    leave_out_pictures_and_check(monkeypatch)
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +100,7 @@ def whole(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[
     """The document and the folder of a run to the end."""
     out = tmp_path_factory.mktemp("whole") / "out"
     with pytest.MonkeyPatch.context() as patch:
-        leave_out(patch)
+        leave_out_pictures_and_check(patch)
         return evolved(scene, out), out
 
 
@@ -349,7 +348,7 @@ def test_a_budget_bounds_every_run_of_a_table_and_names_the_table(
     assert "[accuracy] unknowns left out: point_load has no mesh" in linear["solved"]["notes"]
 
 
-def test_an_evolution_by_the_linear_model_never_loads_dolfinx_or_the_solver_of_resistance(tmp_path: Path) -> None:
+def test_an_evolution_by_point_loads_never_loads_dolfinx_or_the_solver_of_resistance(tmp_path: Path) -> None:
     file = tmp_path / "three.toml"
     file.write_text(TEXT.replace("ensemble = 3", "").replace("cycles = 400", "cycles = 1"), encoding="utf-8")
     done = python("-c", LOADED, "evolve", file, "--model", "point_load", "--out", tmp_path / "out")

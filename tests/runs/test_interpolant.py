@@ -8,8 +8,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from runs.comparison.interpolant import COLUMNS, Interpolant, interpolants, table, where_off
+from runs.comparison.interpolant import COLUMNS, Interpolant, interpolants, leaves_one, table
 from runs.display.numbers import Scale
+from runs.scene.units import Units
 from runs.studies.strengthening.matrix import APPROACHES
 
 CURVES: dict[str, Callable[[float], float]] = {
@@ -59,20 +60,34 @@ def test_a_table_runs_from_the_first_step_to_the_last() -> None:
     assert found[20]["normal_force"] == pytest.approx(0.25**1.5, abs=1e-12)
 
 
+STEPS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
+
+
 @pytest.mark.parametrize(
-    ("slope", "error", "said"),
+    ("ratios", "error", "said"),
     [
-        (0.5, 0.0, "S_Q from D = 0.10000 \u00b1 0.00010 R on"),
-        (-0.5, 0.005, "S_Q from D = 0.100 \u00b1 0.010 R on"),
-        (0.1, 0.0, "S_Q nowhere up to D = 0.2 R"), (0.2, 0.02, "S_Q perhaps nowhere up to D = 0.2 R"),
-        (2.0, 0.001, "S_Q already at the first load step (D = 0.05 R)"),
+        ([1 + 0.5 * d for d in STEPS], 0.0, "at D = 0.10000 \u00b1 0.00010 R"),
+        ([1 - 0.5 * d for d in STEPS], 0.005, "at D = 0.100 \u00b1 0.010 R"),
+        ([1.0, 1.04, 1.08, 1.08, 1.03, 1.0], 0.0, "at D = 0.1105 \u00b1 0.0014 R (it returns at D = 0.2321 R)"),
+        ([1 + 0.1 * d for d in STEPS], 0.0, "nowhere up to D = 0.3 R"),
+        ([1 + 0.1 * d for d in STEPS], 0.03, "perhaps up to D = 0.3 R"),
+        ([1 + 0.1 * d for d in STEPS], math.nan, "perhaps up to D = 0.3 R"),
+        ([1 + 2.0 * d for d in STEPS], 0.001, "before the first load step, D = 0.05 R"),
+        ([1.06] * 6, 0.05, "perhaps before the first load step, D = 0.05 R"),
+        ([1 + 0.18 * d for d in STEPS], 0.01, "perhaps at D = 0.2778 R"),
+        ([1.048 + 0.1 * (d - 0.05) for d in STEPS], 0.01, "perhaps at D = 0.06854 R"),
     ],
-)  # fmt: skip
-def test_a_comparison_says_from_which_approach_small_strain_is_wrong(slope: float, error: float, said: str) -> None:
+)
+def test_a_comparison_says_at_which_approach_small_strain_becomes_wrong(
+    ratios: list[float], error: float, said: str
+) -> None:
     rows = [
-        {"ball": 0, "approach": d, "normal_force": d, "strengthening_at_force": 1.0 + slope * d,
+        {"ball": 0, "approach": d, "normal_force": d, "strengthening_at_force": s,
          "strengthening_at_force_error": error}
-        for d in (0.05, 0.1, 0.15, 0.2)
+        for d, s in zip(STEPS, ratios, strict=True)
     ]  # fmt: skip
-    assert where_off(rows, 0, Scale(1.0, 1.0)) == f"S differs from 1 by 5 % or more: {said}."
-    assert where_off(rows, 1, Scale(1.0, 1.0)) == ""
+    found = leaves_one(rows, 0, Scale(1.0, 1.0), " on ball 0")
+    assert found == f"S on ball 0 leaves 1 \u00b1 0.05: S_Q {said}."
+    assert leaves_one(rows, 1, Scale(1.0, 1.0)) == ""
+    in_mm = Scale(0.01, 1e6, Units.written({"layer": {"thickness": "2 mm"}}))
+    assert "mm" in leaves_one(rows, 0, in_mm)

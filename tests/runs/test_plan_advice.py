@@ -14,7 +14,7 @@ from unittest.mock import patch
 
 import pytest
 
-from linear_bem import Ball, Cone, Elastic, Layer, Load, Problem, solve
+from linear_bem import Ball, Cone, Elastic, Layer, Load, Periodic, Problem, solve
 from runs.advice import Advice, Adviser
 from runs.commands import plan as planning
 from runs.commands.plan import plan_scene
@@ -306,3 +306,19 @@ def test_outside_the_fits_range_no_number_is_given() -> None:
 def test_advice_writes_per_cents_without_an_exponent() -> None:
     said = of_finite_strain(pair(0.2)).text
     assert re.search(r"by \+1\d ± \d(\.\d+)? % at equal force", said), said
+
+
+def test_the_advice_on_balls_that_drift_in_a_cell_is_about_these_balls_alone(tmp_path: Path) -> None:
+    text = TRIANGLE.partition("[finite_strain]")[0].replace("force = ", "approach = ").replace("0.5 N", "0.3 mm")
+    text += '[reciprocation]\namplitude = "50 mm"\ncycles = 5\nfriction = 0.3\n'
+    alone, cell = tmp_path / "alone.toml", tmp_path / "cell.toml"
+    alone.write_text(text, encoding="utf-8")
+    cell.write_text(f'{text}[periodic]\nlengths = ["12 mm", "11 mm"]\n', encoding="utf-8")
+    found = []
+    for file in (alone, cell):
+        scene = read_scene(file)
+        lengths = scene.drift["periodic"].lengths if file is cell else None
+        whole = dataclasses.replace(scene.problem, periodic=lengths and Periodic(lengths))
+        advice, *_ = planning._advice(scene, scene.problem, scene.problem, solve(whole, 1e-3), 0, 60.0)
+        found.append([item.change for item in advice if item.effect != "periodic" and item.change is not None])
+    assert found[1] == pytest.approx(found[0], rel=2e-2)

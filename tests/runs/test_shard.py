@@ -128,6 +128,7 @@ def test_a_case_that_fails_is_recorded_with_its_reason_and_its_load_path(tmp_pat
     assert done.returncode == 0, done.stderr
     assert f"Not there: {len(NAMES)} of {len(NAMES)} cases" in done.stdout
     assert f"- {NAMES[0]}: not converged after 2 load step(s): step 2: DIVERGED_LINE_SEARCH" in done.stdout
+    assert done.stdout.count(": not converged after 2 load step(s)") == len(NAMES[::4])
     with open(tmp_path / "out/factors.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert sum(row["case"] == NAMES[0] for row in rows) == 2
