@@ -24,7 +24,7 @@ def scene(tmp_path: Path) -> Path:
     """Return the thin pair on a rigid base, in two light steps and on coarse meshes: seconds instead of minutes."""
     pytest.importorskip("dolfinx")
     path = tmp_path / "light_pair.toml"
-    text = thin_pair("tangential_force = 0.2").replace("approach = 0.32", "approach = 0.08\nsteps = [0.04, 0.08]")
+    text = thin_pair("tangential_force = 0.3").replace("approach = 0.32", "approach = 0.08\nsteps = [0.04, 0.08]")
     text = re.sub(r"\[substrate\][^[]*", "", text)
     path.write_text(text, encoding="utf-8")
     return path
