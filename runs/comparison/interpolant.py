@@ -91,12 +91,8 @@ def table(rows: Sequence[Mapping[str, Any]], ball: int) -> list[dict[str, float]
 
 def leaves_one(rows: Sequence[Mapping[str, Any]], ball: int, scale: Scale, of_ball: str = "") -> str:
     """Return a sentence on the approaches at which the ratios of a ball leave 1 by `OFF`; empty if unknown."""
-    parts = [
-        f"{short} {_leaving(curves[name], scale)}"
-        for curves in [interpolants(rows, ball)]
-        for name, short in RATIOS.items()
-        if name in curves
-    ]
+    curves = interpolants(rows, ball)
+    parts = [f"{short} {_leaving(curves[name], scale)}" for name, short in RATIOS.items() if name in curves]
     return f"S{of_ball} leaves 1 \u00b1 {OFF:g}: {', '.join(parts)}." if parts else ""
 
 

@@ -169,3 +169,22 @@ def test_thousands_of_cycles_are_written_in_full() -> None:
 def spread(problem: Any, x: Any) -> float:
     linear = dataclasses.replace(at(problem, x), finite_strain=None)
     return solve(linear, accuracy=1e-3).balls[0].tangential_force[0]
+
+
+def test_the_experiments_are_the_papers() -> None:
+    names = {path.stem.removeprefix("experiment_") for path in cases.SCENES.glob("experiment_*.toml")}
+    thick = {"line_of_four_25mm", "line_of_four_30mm", "line_of_six", "line_of_seven", "nine_20mm", "nine_30mm"}
+    thin = {"pair_16mm", "pair_10mm", "pair_7mm"}
+    assert thick | thin <= names
+    for name in thick:
+        scene = read_scene(cases.SCENES / f"experiment_{name}.toml")
+        assert scene.problem.layer.thickness == pytest.approx(0.08)
+        assert scene.problem.layer.young == pytest.approx(57.4e3)
+        assert {ball.radius for ball in scene.problem.balls} == {0.01}
+        assert set(scene.problem.load.values) == {0.012}
+    for name in thin:
+        scene = read_scene(cases.SCENES / f"experiment_{name}.toml")
+        radius = 0.5e-3 * int(name.split("_")[1].removesuffix("mm"))
+        assert scene.problem.layer.thickness == pytest.approx(0.01)
+        assert scene.problem.load.values == pytest.approx((1.5e-3, 1.5e-3))
+        assert np.ptp([ball.position[0] for ball in scene.problem.balls]) == pytest.approx(2.0 * radius)
