@@ -234,7 +234,7 @@ class Contact:
 
     def penetration(self) -> Any:
         """Return the penetration of the surface into a ball in contact [m], also an expression."""
-        return sum(ufl.conditional(ufl.gt(slot.pressed, 0), positive(-slot.gap), 0) for slot in self.slots)
+        return sum(ufl.conditional(ufl.gt(slot.pressure, 0), positive(-slot.gap), 0) for slot in self.slots)
 
 
 def facing(slope: Any, gradient: Any) -> Any:

@@ -39,6 +39,16 @@ def test_the_penetration_under_every_kind_of_body_is_measured(tmp_path: Path) ->
     assert np.all(penetration < 0.02)
 
 
+def test_a_surface_that_rises_below_bodies_in_the_air_penetrates_none(tmp_path: Path) -> None:
+    # cells that only one body may touch lie in the middle
+    balls = (replace(SPHERE, position=(-1.7, 0.0)), replace(CONE, position=(1.7, 0.0)))
+    rig = coarse_rig(coarse_plan(replace(PROBLEM, balls=balls)), tmp_path)
+    rig.model.contact.set_approaches(np.array([-0.1, -0.1]))
+    rig.model.contact.set_penalties(np.array([30.0, 30.0]))
+    rig.model.nodal[:, 2] = 0.05
+    assert np.all(rig.run.extremes()[:, 1] == 0.0)
+
+
 def test_the_pull_of_a_sphere_and_a_cone_is_near_that_of_the_linear_model() -> None:
     balls = finite_strain.solve(PROBLEM, accuracy=0.3, numerics=COARSER).balls
     for ball, known in zip(balls, solve(at_small_strain(PROBLEM), 1e-4).balls, strict=True):
