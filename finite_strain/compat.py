@@ -16,7 +16,8 @@ import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from functools import lru_cache
-from importlib import import_module
+from importlib import import_module, machinery
+from importlib.util import spec_from_file_location
 from pathlib import Path
 from typing import Any
 
@@ -159,12 +160,23 @@ def _compiler_cache(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
             raise OutputUnusable(failure)
         flags = _FLAGS + (_WIDE_FLAGS if comm.allreduce(_has_wide_registers(), op=MPI.LAND) else [])
         options = {"timeout": _COMPILER_SECONDS, "cache_dir": str(cache), "cffi_extra_compile_args": flags}
+        stack.callback(vars(machinery).update, FileFinder=machinery.FileFinder)
+        vars(machinery).update(FileFinder=_Finder)
         # forms in the cache take no time
         slow = threading.Timer(_NOTED_AFTER, _announce)
         if comm.rank == 0:
             slow.start()
             stack.callback(slow.cancel)
         yield {"jit_params" if _OLD else "jit_options": options}
+
+
+class _Finder(machinery.FileFinder):
+    """Finds a compiled form by its name: the compiler makes a finder for each form, which would list the folder."""
+
+    def find_spec(self, fullname: str, target: Any = None) -> machinery.ModuleSpec | None:
+        """Return the module of this name, None if there is none."""
+        files = (Path(self.path, fullname + suffix) for suffix in machinery.EXTENSION_SUFFIXES)
+        return next((spec_from_file_location(fullname, file) for file in files if file.is_file()), None)
 
 
 @lru_cache(maxsize=1)

@@ -9,6 +9,7 @@ from typing import Any
 
 import dolfinx
 import numpy as np
+import ufl
 from mpi4py import MPI
 
 from finite_strain.contact.contact_energy import Contact
@@ -34,7 +35,8 @@ class Readings:
         within, above = self._switches
         self.forms = [
             integral(lambda psi, gradient: sum(within[name] * part(psi, gradient) for name, part in inside.items())),
-            sum(above[name] * part for name, part in surface.items()),
+            # a sum would search all terms so far for constants, again and again
+            ufl.Form([above[name] * term for name, part in surface.items() for term in part.integrals()]),
         ]
         self.compiled: list[Any] = []
 
