@@ -1,4 +1,4 @@
-"""The light run again: on two and four ranks, stopped and resumed, with damaged files."""
+"""The light run again: on three ranks, stopped and resumed, with damaged files."""
 
 from __future__ import annotations
 
@@ -46,45 +46,39 @@ def same_fields(one: Path, other: Path, tolerance: float) -> None:
 
 
 @pytest.fixture(scope="module")
-def on_two(tmp_path_factory: pytest.TempPathFactory, result: Any, heard: Keeper) -> tuple[Any, Path]:
-    """What three runs on two ranks said, and the folder of their folders: "whole" continues that of one."""
-    base = tmp_path_factory.mktemp("two")
+def on_three(tmp_path_factory: pytest.TempPathFactory, result: Any, heard: Keeper) -> tuple[Any, Path]:
+    """What runs on three ranks said, and the folder of their folders: "whole" continues that of one."""
+    base = tmp_path_factory.mktemp("three")
     shutil.copytree(heard.kept / "1", base / "whole")
     (base / "unreadable").mkdir()
     (base / "unreadable" / NAME).write_bytes(b"")
-    return press(2, base, "whole", "failing", "unreadable"), base
-
-
-@pytest.fixture(scope="module")
-def stopped(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a run on four ranks that was stopped after its first step."""
-    base = tmp_path_factory.mktemp("four")
-    assert press(4, base, "stopped") == {"stopped": ["Stopped: "] * 4}
-    return base / "stopped"
+    return press(3, base, "whole", "stopped", "failing", "unreadable"), base
 
 
 @pytest.mark.mpi
 @pytest.mark.slow
-def test_two_ranks_that_go_on_with_a_run_of_one_give_its_answer(
-    result: Any, folder: Path, on_two: tuple[Any, Path]
+def test_three_ranks_that_go_on_with_a_run_of_one_give_its_answer(
+    result: Any, folder: Path, on_three: tuple[Any, Path]
 ) -> None:
-    found, other = on_two[0]["whole"], on_two[1] / "whole"
-    assert found["solved"]["ranks"] == 2
+    found, other = on_three[0]["whole"], on_three[1] / "whole"
+    assert found["solved"]["ranks"] == 3
     assert found["solved"]["linear_solver"] == "cholesky (mumps)"
     assert found["resumed"] == 1
     assert found["meshes_run"] == ["main", "main, small strain"]
     assert_same_answer(found, result.to_dict(), PARALLEL)
     with h5py.File(other / "step_0001.h5") as first, h5py.File(other / "step_0002.h5") as second:
-        for name in ("points", "cells", "cell_fields/region"):  # of one rank and of two, numbered alike
+        for name in ("points", "cells", "cell_fields/region"):  # of one rank and of three, numbered alike
             assert np.array_equal(first[name][:], second[name][:])
     same_fields(folder / "step_0002.h5", other / "step_0002.h5", PARALLEL)
 
 
 @pytest.mark.mpi
 @pytest.mark.slow
-def test_a_run_on_four_ranks_that_is_stopped_within_a_mesh_resumes_there_on_one_with_the_same_answer(
-    result: Any, folder: Path, stopped: Path, tmp_path: Path
+def test_a_run_on_three_ranks_that_is_stopped_within_a_mesh_resumes_there_on_one_with_the_same_answer(
+    result: Any, folder: Path, on_three: tuple[Any, Path], tmp_path: Path
 ) -> None:
+    said, stopped = on_three[0]["stopped"], on_three[1] / "stopped"
+    assert said == ["Stopped: "] * 3
     for name in ("mesh_0.msh", "mesh_1.msh"):
         assert (stopped / name).read_bytes() == (folder / name).read_bytes()
     same_fields(folder / "step_0001.h5", stopped / "step_0001.h5", PARALLEL)
@@ -93,7 +87,7 @@ def test_a_run_on_four_ranks_that_is_stopped_within_a_mesh_resumes_there_on_one_
     again = Recorder()
     found = solve(tmp_path, again)
     assert again.info["resumed_steps"] == 1
-    # the path finder's answers and the first step on this mesh, by four ranks, are kept
+    # the path finder's answers and the first step on this mesh, by three ranks, are kept
     assert {attempt["mesh"] for attempt in again.attempts} == {"main", "main, small strain"}
     assert {attempt["fraction"] for attempt in again.attempts} == {1.0}
     assert_same_answer(found.to_dict(), result.to_dict(), PARALLEL)
@@ -168,18 +162,18 @@ def test_a_folder_that_cannot_be_made_is_refused_before_any_work(tmp_path: Path)
 
 
 @pytest.mark.mpi
-def test_an_unreadable_file_stops_every_rank(on_two: tuple[Any, Path]) -> None:
-    said = on_two[0]["unreadable"]
-    assert len(said) == 2
+def test_an_unreadable_file_stops_every_rank(on_three: tuple[Any, Path]) -> None:
+    said = on_three[0]["unreadable"]
+    assert len(said) == 3
     for words in said:
         assert words.startswith("OutputUnusable")
         assert NAME in words
 
 
 @pytest.mark.mpi
-def test_a_run_that_does_not_converge_says_so_on_every_rank(on_two: tuple[Any, Path]) -> None:
-    said = on_two[0]["failing"]
-    assert len(said) == 2
+def test_a_run_that_does_not_converge_says_so_on_every_rank(on_three: tuple[Any, Path]) -> None:
+    said = on_three[0]["failing"]
+    assert len(said) == 3
     for words in said:
         assert words.startswith("NotConverged")
         assert "DIVERGED_MAX_IT" in words
