@@ -18,17 +18,16 @@ import finite_strain
 from finite_strain.compat import read_mesh
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.own_mesh import OwnMesh
-from tests.finite_strain.press import ACCURACY, STEPS
-from tests.finite_strain.scenes import COARSER, ONE_LOAD, light_pair
-from tests.finite_strain.test_own_mesh import SMALL, SOLVERS, SPARSE, block
+from tests.finite_strain.scenes import ONE_LOAD
+from tests.finite_strain.test_own_mesh import OF_SCENE, SMALL, SOLVERS, SPARSE, block
 
-problem, comm, file = light_pair(), MPI.COMM_WORLD, Path(sys.argv[1]) / "mesh_1.msh"
-answers = {"file": finite_strain.solve(problem, accuracy=ACCURACY, steps=STEPS, numerics=COARSER, mesh=file)}
+comm, file = MPI.COMM_WORLD, Path(sys.argv[1]) / "mesh_1.msh"
+answers = {"file": finite_strain.solve(SMALL, mesh=file, **OF_SCENE)}
 
 
 def fitted(source: Any) -> Any:
     """Return what a run on a mesh starts from: the part of the scene, and the mesh's measures and digest."""
-    return OwnMesh(source, comm).fit(problem, prescribed(problem).expected())
+    return OwnMesh(source, comm).fit(SMALL, prescribed(SMALL).expected())
 
 
 # the same start gives the same answer; DOLFINx's meshes are solved on below

@@ -28,7 +28,7 @@ from linear_bem import Elastic, InvalidProblem, Load, Problem
 from linear_bem.result import FAINT
 from linear_bem.solver import solve
 from meshes.layer import gmsh_session
-from tests.finite_strain.scenes import ONE_LOAD, SHAPES, at_small_strain, pair, relatively, single
+from tests.finite_strain.scenes import COARSER, ONE_LOAD, SHAPES, at_small_strain, pair, relatively, single
 from tests.launch import mpirun
 
 COMM = MPI.COMM_SELF
@@ -71,21 +71,29 @@ def block(
 
 
 SMALL = at_small_strain(pair(0.1, poisson=0.3, shape=SHAPES["small_strain"]))
+OF_SCENE: dict[str, Any] = {"model": "small_strain", "accuracy": 0.3, "numerics": COARSER}
 
 
 @pytest.fixture(scope="module")
-def on_two(result: Any, folder: Path) -> Any:  # a run in this folder, with its mesh
-    done = mpirun(2, "-m", "tests.finite_strain.own_mesh", folder, timeout=600.0)
+def scene(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path]:
+    """The answer of a scene's run, and its folder with its mesh."""
+    folder = tmp_path_factory.mktemp("scene")
+    return finite_strain.solve(SMALL, folder=folder, **OF_SCENE), folder
+
+
+@pytest.fixture(scope="module")
+def on_two(scene: tuple[Any, Path]) -> Any:
+    done = mpirun(2, "-m", "tests.finite_strain.own_mesh", scene[1], timeout=600.0)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
 
 @pytest.mark.mpi
-def test_the_mesh_of_a_scenes_run_gives_the_scenes_answer_on_two_ranks(on_two: Any, result: Any) -> None:
-    scene, own = result.balls[0], on_two["file"]["balls"][0]  # on one rank: the tutorial
-    assert own["normal_force"] == relatively(scene.normal_force, 1e-8)
-    assert own["tangential_force"][0] == relatively(scene.tangential_force[0], 1e-8)
-    assert own["tangential_force_error"] == relatively(scene.tangential_force_error, 1e-6)
+def test_the_mesh_of_a_scenes_run_gives_the_scenes_answer_on_two_ranks(on_two: Any, scene: tuple[Any, Path]) -> None:
+    of_scene, own = scene[0].balls[0], on_two["file"]["balls"][0]  # at finite strain, on one rank: the tutorial
+    assert own["normal_force"] == relatively(of_scene.normal_force, 1e-8)
+    assert own["tangential_force"][0] == relatively(of_scene.tangential_force[0], 1e-8)
+    assert own["tangential_force_error"] == relatively(of_scene.tangential_force_error, 1e-6)
     assert on_two["alike"] == [True, True]  # read by the user, the mesh is the file's
 
 
