@@ -1,4 +1,4 @@
-"""The light run again: on three ranks, stopped and resumed, with damaged files."""
+"""The light run again: on four ranks, stopped and resumed, with damaged files."""
 
 from __future__ import annotations
 
@@ -46,39 +46,39 @@ def same_fields(one: Path, other: Path, tolerance: float) -> None:
 
 
 @pytest.fixture(scope="module")
-def on_three(tmp_path_factory: pytest.TempPathFactory, result: Any, heard: Keeper) -> tuple[Any, Path]:
-    """What runs on three ranks said, and the folder of their folders: "whole" continues that of one."""
-    base = tmp_path_factory.mktemp("three")
+def on_four(tmp_path_factory: pytest.TempPathFactory, result: Any, heard: Keeper) -> tuple[Any, Path]:
+    """What runs on four ranks said, and the folder of their folders: "whole" continues that of one."""
+    base = tmp_path_factory.mktemp("four")
     shutil.copytree(heard.kept / "1", base / "whole")
     (base / "unreadable").mkdir()
     (base / "unreadable" / NAME).write_bytes(b"")
-    return press(3, base, "whole", "stopped", "failing", "unreadable"), base
+    return press(4, base, "whole", "stopped", "failing", "unreadable"), base
 
 
 @pytest.mark.mpi
 @pytest.mark.slow
-def test_three_ranks_that_go_on_with_a_run_of_one_give_its_answer(
-    result: Any, folder: Path, on_three: tuple[Any, Path]
+def test_four_ranks_that_go_on_with_a_run_of_one_give_its_answer(
+    result: Any, folder: Path, on_four: tuple[Any, Path]
 ) -> None:
-    found, other = on_three[0]["whole"], on_three[1] / "whole"
-    assert found["solved"]["ranks"] == 3
+    found, other = on_four[0]["whole"], on_four[1] / "whole"
+    assert found["solved"]["ranks"] == 4
     assert found["solved"]["linear_solver"] == "cholesky (mumps)"
     assert found["resumed"] == 1
     assert found["meshes_run"] == ["main", "main, small strain"]
     assert_same_answer(found, result.to_dict(), PARALLEL)
     with h5py.File(other / "step_0001.h5") as first, h5py.File(other / "step_0002.h5") as second:
-        for name in ("points", "cells", "cell_fields/region"):  # of one rank and of three, numbered alike
+        for name in ("points", "cells", "cell_fields/region"):  # of one rank and of four, numbered alike
             assert np.array_equal(first[name][:], second[name][:])
     same_fields(folder / "step_0002.h5", other / "step_0002.h5", PARALLEL)
 
 
 @pytest.mark.mpi
 @pytest.mark.slow
-def test_a_run_on_three_ranks_that_is_stopped_within_a_mesh_resumes_there_on_one_with_the_same_answer(
-    result: Any, folder: Path, on_three: tuple[Any, Path], tmp_path: Path
+def test_a_run_on_four_ranks_that_is_stopped_within_a_mesh_resumes_there_on_one_with_the_same_answer(
+    result: Any, folder: Path, on_four: tuple[Any, Path], tmp_path: Path
 ) -> None:
-    said, stopped = on_three[0]["stopped"], on_three[1] / "stopped"
-    assert said == ["Stopped: "] * 3
+    said, stopped = on_four[0]["stopped"], on_four[1] / "stopped"
+    assert said == ["Stopped: "] * 4
     for name in ("mesh_0.msh", "mesh_1.msh"):
         assert (stopped / name).read_bytes() == (folder / name).read_bytes()
     same_fields(folder / "step_0001.h5", stopped / "step_0001.h5", PARALLEL)
@@ -87,7 +87,7 @@ def test_a_run_on_three_ranks_that_is_stopped_within_a_mesh_resumes_there_on_one
     again = Recorder()
     found = solve(tmp_path, again)
     assert again.info["resumed_steps"] == 1
-    # the path finder's answers and the first step on this mesh, by three ranks, are kept
+    # the path finder's answers and the first step on this mesh, by four ranks, are kept
     assert {attempt["mesh"] for attempt in again.attempts} == {"main", "main, small strain"}
     assert {attempt["fraction"] for attempt in again.attempts} == {1.0}
     assert_same_answer(found.to_dict(), result.to_dict(), PARALLEL)
@@ -162,18 +162,18 @@ def test_a_folder_that_cannot_be_made_is_refused_before_any_work(tmp_path: Path)
 
 
 @pytest.mark.mpi
-def test_an_unreadable_file_stops_every_rank(on_three: tuple[Any, Path]) -> None:
-    said = on_three[0]["unreadable"]
-    assert len(said) == 3
+def test_an_unreadable_file_stops_every_rank(on_four: tuple[Any, Path]) -> None:
+    said = on_four[0]["unreadable"]
+    assert len(said) == 4
     for words in said:
         assert words.startswith("OutputUnusable")
         assert NAME in words
 
 
 @pytest.mark.mpi
-def test_a_run_that_does_not_converge_says_so_on_every_rank(on_three: tuple[Any, Path]) -> None:
-    said = on_three[0]["failing"]
-    assert len(said) == 3
+def test_a_run_that_does_not_converge_says_so_on_every_rank(on_four: tuple[Any, Path]) -> None:
+    said = on_four[0]["failing"]
+    assert len(said) == 4
     for words in said:
         assert words.startswith("NotConverged")
         assert "DIVERGED_MAX_IT" in words
