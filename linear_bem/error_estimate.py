@@ -87,7 +87,7 @@ def route_difference(contacts: Contacts) -> Array:
 
 def error_of_one(contacts: SmoothContacts) -> Array:
     """Estimate the error of T [N] on every ball from one solution: its residual, and its T by two formulas."""
-    residual = contacts.certificate["gap_in_contact"] * pulls(contacts)
+    residual = contacts.gap_in_contact * pulls(contacts)
     return np.maximum(np.maximum(3.0 * route_difference(contacts), residual), least_error(contacts))
 
 
@@ -177,7 +177,7 @@ def errors_of_one(contacts: Contacts) -> Errors:
         own: dict[str, Array | float] = {"normal_force": force, "approach": force}
         own |= {"peak_pressure": peak, "contact_area": 0.5 * c}
         return _at_prescribed_load(contacts, {name: own[name] * np.abs(v) for name, v in values.items()})
-    gap = contacts.certificate["gap_in_contact"]
+    gap = contacts.gap_in_contact
     radius = np.sqrt(np.maximum(contacts.contact_areas, 1e-300) / np.pi)
     degree = contacts.zones.degree
     depth = gap * float(np.max(np.abs(contacts.approaches)))

@@ -232,7 +232,7 @@ def _by_polynomials(guess: Start, wanted: float, report: Report) -> Estimated | 
             if degree > 2:
                 break
             continue  # a deep sphere's pressure may be too far from any parabola for Newton's method
-        # the certificate takes about a third of the time of a pair: it is computed only where it decides
+        # the whole certificate takes a fifth of the time of a pair: it is computed only where it decides
         if before is None and wanted >= ROUTES_SUFFICE:
             error = error_of_one(after)
             reached = max(float(np.max(error)) / reference_force(after), 3.0 * after.smooth.residual)

@@ -121,13 +121,15 @@ class Zone:
         return np.sqrt(squared)
 
     def edge(self, cos: Array, sin: Array) -> Array:
-        """Return the distance (frame units) from the frame's centre along unit directions to the edge.
+        """Return the distance (frame units) from the frame's centre along unit directions to the edge."""
+        return self._edge(along_rays(self.powers(1), cos, sin))
+
+    def _edge(self, along: list[Array]) -> Array:
+        """Return `edge` of rays along which P has these coefficients in powers of the distance.
 
         For P of degree 2 this is a root of the quadratic along the ray; else Newton's method starts from there.
         """
-        p = self.powers(1)
-        a = p[2, 0] * cos * cos + p[1, 1] * cos * sin + p[0, 2] * sin * sin
-        b, c = p[1, 0] * cos + p[0, 1] * sin, p[0, 0]
+        c, b, a = along[:3]
         root = b * b - 4.0 * a * c
         hopeful = (a < 0.0) & (root > 0.0)
         quadratic = np.where(hopeful, b + np.sqrt(np.where(hopeful, root, 1.0)), 0.0) / np.where(hopeful, -2.0 * a, 1.0)
@@ -135,7 +137,6 @@ class Zone:
             return np.maximum(quadratic, 1e-12)
         t = np.maximum(np.where(np.abs(quadratic - 1.02) < 0.1, quadratic, 1.02), 0.01)
         floor = -1e-6 * np.abs(self.coefficients[..., :1])
-        along = along_rays(p, cos, sin)
         for _ in range(40):
             value, slope = np.zeros_like(t), np.zeros_like(t)
             for coefficient in along[::-1]:
@@ -168,8 +169,10 @@ class Zone:
             # ascend even where P is convex or, as on a ring of maxima, flat in one direction
             size = np.maximum(np.abs(scale), 1e-3 * np.max(np.abs(scale), axis=1, keepdims=True) + 1e-300)
             move = np.einsum("nij,nj,nkj,kn->in", turn, 1.0 / size, turn, slopes[0])
-            at = np.clip(at + move, low, high)
+            before, at = at, np.clip(at + move, low, high)
             best = np.maximum(best, horner(p, at[0], at[1])[0])
+            if np.max(np.abs(at - before)) < 1e-8:
+                break  # P is flat there: it changes by the square of this
         return np.asarray(best)
 
     def quadrature(self, radial: int, angular: int) -> tuple[Array, Array, Array, Array]:
@@ -178,14 +181,18 @@ class Zone:
         Along each ray r = R cos(phi): p is sin(phi) times a smooth function, and dr is proportional to sin(phi).
         """
         cos, sin = circle(angular)
-        edge = self.edge(cos, sin)[..., None, :]
+        along = along_rays(self.powers(1), cos, sin)
+        edge = self._edge(along)[..., None, :]
         phi, w = gauss(radial)
         phi, w = 0.25 * np.pi * (1.0 + phi)[:, None], 0.25 * np.pi * w[:, None]
         r = edge * np.cos(phi)
         xi, eta = (r * cos).reshape(*self.shape, -1), (r * sin).reshape(*self.shape, -1)
         weights = (w * np.sin(phi) * edge * r * (2.0 * np.pi / angular)).reshape(xi.shape) * self.jacobian[..., None]
-        p = np.sqrt(np.maximum(self.squared_pressure(xi, eta), 1e-300))
-        return xi, eta, weights, p
+        squared = np.zeros(r.shape)
+        for coefficient in along[::-1]:
+            squared *= r
+            squared += coefficient[..., None, :]
+        return xi, eta, weights, np.sqrt(np.maximum(squared, 1e-300)).reshape(xi.shape)
 
     def half_space(
         self, xi: Array, eta: Array, directions: int, along: int, derivative: bool = True

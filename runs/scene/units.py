@@ -20,7 +20,14 @@ NUMBER_AND_UNIT = re.compile(
 )
 UNIT = re.compile(r"(?:[^\W\d_]+(?:(?:\^|\*\*)-?\d|[\u00b2\u00b3])?(?:\s*[*/\u00b7]\s*|\s+|$))+")
 """Names with small exponents: pint would evaluate any expression, even 9**9**9."""
-COMMON = ("m", "cm", "mm", "um", "nm", "Pa", "kPa", "MPa", "GPa", "N", "mN", "kN", "deg", "rad")
+SIZES = {
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9},
+    "Pa": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9},
+    "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3},
+    "rad": {"deg": math.pi / 180.0, "rad": 1.0},
+}
+"""Sizes of common units by their SI unit: a scene with no others does not wait a quarter second for pint."""
+COMMON = tuple(name for sizes in SIZES.values() for name in sizes)
 """Units that are suggested for a name that differs from them in its capitals alone."""
 DIMENSIONS = {
     "m": ("a length", "10 mm"),
@@ -37,7 +44,7 @@ def fault(text: str) -> PydanticCustomError:
 
 @lru_cache(maxsize=1)
 def _units() -> Any:
-    import pint  # noqa: PLC0415  (slow, and a scene in SI needs none of it)
+    import pint  # noqa: PLC0415  (slow, and few scenes need it)
 
     return pint.UnitRegistry()
 
@@ -89,6 +96,8 @@ def quantity(value: object, unit: str) -> float:
             return plain
         raise fault(f'must be {kind} with its unit, such as "{example}"; a bare number in {unit} takes no quotes')
     name = match["unit"].strip()
+    if name in SIZES[unit]:
+        return _finite(plain * SIZES[unit][name], match["number"], unit)
     try:
         if UNIT.fullmatch(name) is None:
             raise ValueError(name)
@@ -105,10 +114,13 @@ def quantity(value: object, unit: str) -> float:
         if together != name and together in COMMON and _units().is_compatible_with(together, unit):
             raise fault(f'must be {kind}, such as "{example}": "{name}" is not a unit (did you mean "{together}"?)')
         raise fault(f'must be {kind}, such as "{example}": "{name}" is {_dimension(given)}')
-    converted = float((plain * given).to(unit).magnitude)
-    if math.isinf(converted) and "inf" not in match["number"]:
-        raise fault(f"must be {kind} below 1.8e308 {unit}")
-    return converted
+    return _finite(float((plain * given).to(unit).magnitude), match["number"], unit)
+
+
+def _finite(value: float, written: str, unit: str) -> float:
+    if math.isinf(value) and "inf" not in written:
+        raise fault(f"must be {DIMENSIONS[unit][0]} below 1.8e308 {unit}")
+    return value
 
 
 @dataclass(frozen=True)
@@ -148,10 +160,12 @@ class Units:
             match = NUMBER_AND_UNIT.fullmatch(value) if isinstance(value, str) else None
             if match is None or match["unit"] is None or UNIT.fullmatch(name := match["unit"].strip()) is None:
                 continue
-            unit = _units().parse_units(name)
             for kind, si in (("length", "m"), ("force", "N"), ("pressure", "Pa")):
-                if unit.is_compatible_with(si):
-                    found.setdefault(kind, Unit(name, float((1.0 * unit).to(si).magnitude)))
+                size = SIZES[si].get(name)
+                if size is None and name not in COMMON and (unit := _units().parse_units(name)).is_compatible_with(si):
+                    size = float((1.0 * unit).to(si).magnitude)
+                if size is not None:
+                    found.setdefault(kind, Unit(name, size))
         return cls(**found) if found else None
 
 

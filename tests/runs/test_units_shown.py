@@ -21,6 +21,7 @@ from runs.process import exit_codes
 from runs.process.exit_codes import run_to_end
 from runs.reporting import page_of
 from runs.reporting.folder import Folder
+from runs.scene import units
 from runs.scene.scene_file import InvalidScene, Scene, read_scene
 from runs.scene.units import Unit, Units
 
@@ -54,6 +55,13 @@ def test_units_are_those_of_the_scene(tmp_path: Path) -> None:
     assert units == Units(Unit("mm", 1e-3), Unit("mN", 1e-3), Unit("kPa", 1e3))
     assert units.pressure(57.4e3) == "57.4 kPa"
     assert Units.written({"title": "5 m", "layer": {"young": 2e5}}) is None
+
+
+@pytest.mark.parametrize("unit", units.SIZES)
+def test_the_sizes_of_common_units_are_those_of_pint(unit: str) -> None:
+    for name, size in units.SIZES[unit].items():
+        assert (1.0 * units._units().parse_units(name)).to(unit).magnitude == size, name
+        assert units.quantity(f"7 {name}", unit) == 7.0 * size
 
 
 def test_a_modulus_without_its_unit_beside_lengths_with_theirs_is_noted(tmp_path: Path) -> None:
