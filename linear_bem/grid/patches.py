@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from linear_bem.arrays import Array, Indices, Mask
+from linear_bem.arrays import Array, Indices, Mask, hypotenuse
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.layer.rectangle_load import graded_rule, love_cells, love_rectangle, love_slopes
 from linear_bem.report import Report, seldom, silent
@@ -98,7 +98,7 @@ class Patch:
             total = np.where(far, self.kernel.far_ratio, 1.0) * total
             g = 0.5 * d / np.sqrt(3.0)
             for ex, ey in ((g, g), (-g, g), (g, -g), (-g, -g)):
-                r = np.hypot(x + ex, y + ey)
+                r = hypotenuse(x + ex, y + ey)
                 total += 0.25 * d * d * (self.kernel.smooth(r) + np.where(far, rest / r, 0.0))
             near = int(np.ceil(1.5 + 12.0 * self.kernel.thickness / d))
             if d > 0.4 * self.kernel.thickness:
@@ -112,7 +112,7 @@ class Patch:
         for i in range(nx):
             for j in range(ny):
                 (u, wu), (v, wv) = rules[i], rules[j]
-                smooth = wu @ self.kernel.smooth(np.hypot(u[:, None], v)) @ wv
+                smooth = wu @ self.kernel.smooth(hypotenuse(u[:, None], v)) @ wv
                 total[i, j] = float(love_rectangle(d * i, d * j, 0.5 * d, 0.5 * d)) + smooth
 
     def part(self, nx: int, ny: int) -> Patch:
@@ -233,7 +233,7 @@ class Patches:
             report(f"{i} of {len(self.patches)} patches")
             rows = slice(i * q2, (i + 1) * q2)
             dx, dy = x[rows, None] - x, y[rows, None] - y
-            r = np.hypot(dx, dy)
+            r = hypotenuse(dx, dy)
             r[:, rows] = 1.0
             out[rows] = f(r, dx, dy)
             out[rows, rows] = 0.0

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from linear_bem.arrays import Array
+from linear_bem.arrays import Array, hypotenuse
 from linear_bem.grid.patches import Patch
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.layer.rectangle_load import love_rectangle
@@ -27,7 +27,7 @@ def surface_displacement(kernel: LayeredKernel, loads: Iterable[tuple[Patch, Arr
             dx, dy = flat_x[part, None] - cx, flat_y[part, None] - cy
             block = love_rectangle(dx, dy, half, half)
             if not kernel.homogeneous:
-                block = block + patch.cell**2 * kernel.smooth(np.hypot(dx, dy))
+                block = block + patch.cell**2 * kernel.smooth(hypotenuse(dx, dy))
             out[part] += block @ p[loaded]
     return out.reshape(x.shape)
 

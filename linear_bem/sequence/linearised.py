@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from linear_bem.arrays import Array, Indices
+from linear_bem.arrays import Array, Indices, hypotenuse
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
 from linear_bem.problem import Problem
@@ -129,7 +129,7 @@ class LinearisedContacts:
                 continue
             at = self.exchanges[degree].places + places[:, :, None]
             dx, dy = (at[i, axis][:, :, None] - at[j, axis][:, None, :] for axis in (0, 1))
-            r = np.hypot(dx, dy)
+            r = hypotenuse(dx, dy)
             s, ds = self.kernel.smooth_and_slope(r)
             out.append(_Pairs(degree, i, j, 1.0 / r + s, (ds - 1.0 / r**2) / r, dx, dy))
         return out

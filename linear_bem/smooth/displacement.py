@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from linear_bem.arrays import Array, Indices
+from linear_bem.arrays import Array, Indices, hypotenuse
 from linear_bem.far_field.pairs_and_mesh import AROUND, cell_split
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.report import Report, silent
@@ -52,7 +52,7 @@ def displacement_of_many(kernel: LayeredKernel, nodes: Nodes, x: Array, y: Array
     total = np.zeros(x.shape)
 
     def share(part: Indices, which: Indices | slice) -> Array:
-        r = np.hypot(x[part, None] - points[which, 0].ravel(), y[part, None] - points[which, 1].ravel())
+        r = hypotenuse(x[part, None] - points[which, 0].ravel(), y[part, None] - points[which, 1].ravel())
         r = np.maximum(r, 1e-9 * float(np.min(reach)))
         return np.asarray(kernel.scaled(r) @ loads[which].ravel())
 
@@ -114,7 +114,7 @@ class LatticeRest:
         for start in range(0, len(x), AT_ONCE):
             part = slice(start, start + AT_ONCE)
             for n in listed:
-                total[part] -= self.split.far(np.hypot(x[part, None] - n.x, y[part, None] - n.y)) @ n.loads
+                total[part] -= self.split.far(hypotenuse(x[part, None] - n.x, y[part, None] - n.y)) @ n.loads
         return total
 
     def slope(self, x: Array, y: Array, listed: Nodes) -> Array:
@@ -127,7 +127,7 @@ class LatticeRest:
         total = np.stack([points.dx @ self._grid, points.dy @ self._grid], axis=1)
         for n in listed:
             dx, dy = x[:, None] - n.x, y[:, None] - n.y
-            r = np.maximum(np.hypot(dx, dy), 1e-300)
+            r = np.maximum(hypotenuse(dx, dy), 1e-300)
             g = self.split.far_slope(r) / r
             total -= np.stack([(g * dx) @ n.loads, (g * dy) @ n.loads], axis=1)
         return total
@@ -244,7 +244,7 @@ class DirectSums:
 
     def _pull(self, x: Array, y: Array, q: Array, at_x: Array, at_y: Array, loads: Array) -> Array:
         dx, dy = x[:, None] - at_x, y[:, None] - at_y
-        r = np.hypot(dx, dy)
+        r = hypotenuse(dx, dy)
         g = self.kernel.scaled_slope(r) / r
         return np.array([q @ (g * dx) @ loads, q @ (g * dy) @ loads])
 
@@ -267,7 +267,7 @@ def zone_displacement(kernel: LayeredKernel, n: Nodes, x: Array, y: Array) -> Ar
         q_xi, q_eta, w, p = zone.quadrature(radial, angular)
         qx, qy = zone.points(q_xi, q_eta)
         for part in np.array_split(chosen, chosen.size // max(1, min(64, TOGETHER // qx.size)) + 1):
-            r = np.hypot(x[part][:, None] - qx, y[part][:, None] - qy)
+            r = hypotenuse(x[part][:, None] - qx, y[part][:, None] - qy)
             total[part] += function(r) @ (w * p)
 
     inside, near = np.flatnonzero(ratio < 1.0), np.flatnonzero(ratio < NEAR)

@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from linear_bem.arrays import Array, Indices
+from linear_bem.arrays import Array, Indices, hypotenuse
 from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.report import Report, silent
@@ -56,7 +56,7 @@ def interpolation(xi: Array, eta: Array, degree: int) -> Array:
 
 def point_displacement(kernel: LayeredKernel, x: Array, y: Array, at_x: Array, at_y: Array, loads: Array) -> Array:
     """Return the displacement [m] at surface points from point loads times ``singular`` [m^2] at other points."""
-    r = np.hypot(x[:, None] - at_x.ravel(), y[:, None] - at_y.ravel())
+    r = hypotenuse(x[:, None] - at_x.ravel(), y[:, None] - at_y.ravel())
     return np.asarray(kernel.scaled(r) @ loads.ravel())
 
 
@@ -161,7 +161,7 @@ class Interaction:
                 q = self.loads[k]
                 at_first, at_second = np.empty((len(first), q.shape[1])), np.empty((len(first), q.shape[1]))
                 for part, dx, dy in self._blocks(first, second, shift, k):
-                    value = kernel(np.hypot(dx, dy))
+                    value = kernel(hypotenuse(dx, dy))
                     at_first[part] = np.einsum("pab,pb->pa", value, q[second[part]])
                     at_second[part] = np.einsum("pab,pa->pb", value, q[first[part]])
                 sums[k] += to_first @ at_first + to_second @ at_second
@@ -169,7 +169,7 @@ class Interaction:
             k = self.mesh_level
             x, y = self.places[k]
             sums[k] += self.far.mesh.potential_at(x, y, self.loads[k]).reshape(x.shape)
-            own = self.split.far(np.hypot(x[:, :, None] - x[:, None, :], y[:, :, None] - y[:, None, :]))
+            own = self.split.far(hypotenuse(x[:, :, None] - x[:, None, :], y[:, :, None] - y[:, None, :]))
             sums[k] -= np.einsum("nab,nb->na", own, self.loads[k])
         for k, values in sums.items():
             total += self._received(k, values)
@@ -196,7 +196,7 @@ class Interaction:
             for k, _, slope in self._kernels(level):
                 q, pull = self.loads[k], np.empty((len(first), 2))
                 for part, dx, dy in self._blocks(first, second, shift, k):
-                    r = np.hypot(dx, dy)
+                    r = hypotenuse(dx, dy)
                     g = slope(r) / r
                     here, there = q[first[part]], q[second[part]]
                     pull[part, 0] = np.einsum("pa,pab,pb->p", here, g * dx, there, optimize=True)

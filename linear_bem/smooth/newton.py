@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from linear_bem.arrays import Array, Indices, Mask
+from linear_bem.arrays import Array, Indices, Mask, hypotenuse
 from linear_bem.errors import NotConverged
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
@@ -143,7 +143,7 @@ def own_displacement(kernel: LayeredKernel, n: Nodes, rule: Rule) -> tuple[Array
     w, derivative = n.zone.half_space(n.xi, n.eta, rule.directions, rule.along)
     if kernel.homogeneous:
         return w, derivative
-    r = np.hypot(n.x[:, :, None] - n.x[:, None, :], n.y[:, :, None] - n.y[:, None, :])
+    r = hypotenuse(n.x[:, :, None] - n.x[:, None, :], n.y[:, :, None] - n.y[:, None, :])
     smooth = kernel.smooth(r) * n.weights[:, None, :]
     return w + (smooth @ n.pressure[..., None])[..., 0], derivative + smooth @ n.variations
 
@@ -155,7 +155,7 @@ def _displacements(kernel: LayeredKernel, n: Nodes, rule: Rule) -> tuple[Array, 
     derivative = np.empty((count, count, *own.shape[1:]))
     derivative[np.arange(count), np.arange(count)] = own
     for i, j in combinations(range(count), 2):
-        block = kernel.scaled(np.hypot(n.x[i][:, None] - n.x[j], n.y[i][:, None] - n.y[j]))
+        block = kernel.scaled(hypotenuse(n.x[i][:, None] - n.x[j], n.y[i][:, None] - n.y[j]))
         for a, b, influence in ((i, j, block), (j, i, block.T)):
             weighted = influence * n.weights[b]
             total[a] += weighted @ n.pressure[b]

@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from linear_bem.arrays import Array, Mask
+from linear_bem.arrays import Array, Mask, hypotenuse
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.report import Report, silent
 from linear_bem.smooth.multipole import SAFETY, disc_nodes
@@ -85,7 +85,7 @@ class OwnEquations:
         if not self.kernel.homogeneous:
             u, v, received, loads = _at_nodes(n, phi, test, smooth)
             x, y = zones.points(u, v)
-            s = self.kernel.smooth(np.hypot(x[:, :, None] - x[:, None, :], y[:, :, None] - y[:, None, :]))
+            s = self.kernel.smooth(hypotenuse(x[:, :, None] - x[:, None, :], y[:, :, None] - y[:, None, :]))
             own += np.einsum("ntk,nk->nt", received, np.einsum("nab,nb->na", s, loads))
             if renew:
                 matrix += received @ s @ received.transpose(0, 2, 1)

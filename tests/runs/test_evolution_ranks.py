@@ -15,7 +15,7 @@ import pytest
 
 from tests.launch import mpirun
 
-DISTANCES, DEPTHS = (1.0, 1.6), (0.3, 0.55, 0.85, 1.05)
+DISTANCES, DEPTHS = (1.0, 1.6), (0.6, 0.75, 0.9, 1.05)
 SCENE = """
 [layer]
 thickness = 2.5
@@ -73,7 +73,7 @@ def main() -> None:
     pair_table.DEPTHS = DEPTHS
     pair_table.ARRANGEMENTS = {"three in a line": pair_table.ARRANGEMENTS["three in a line"]}
     evolving.TABLES = Path(sys.argv[2]).parent / "tables"
-    coarser = partial(finite_strain.Numerics, growth=4.0, more_loads=(), largest_step=0.3)
+    coarser = partial(finite_strain.Numerics, growth=4.0, more_loads=(), largest_step=0.6)
     finite_strain.Numerics = coarser  # type: ignore[misc, assignment]
     cli.main()
 
