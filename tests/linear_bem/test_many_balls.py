@@ -80,6 +80,8 @@ def test_the_certificate_detects_a_wrong_pressure_under_any_ball():
         wrong = replace(contacts, smooth=replace(contacts.smooth, nodes=Nodes.joined(nodes)))
         # half a per cent of the ball's own displacement exceeds the tolerance of an accepted solution
         assert wrong.certificate["gap_in_contact"] > 1e-3
+    deeper = replace(contacts, approaches=1.1 * contacts.approaches).certificate
+    assert min(deeper[name] for name in ("penetration_outside", "complementarity")) > 1e-2
 
 
 def test_the_displacement_around_many_balls_has_the_stated_accuracy():
