@@ -22,7 +22,6 @@ from tests.runs.test_command_line import strict
 from tests.scenes import thin_pair
 
 SCENE = ROOT / "tests" / "runs" / "light_pair.toml"
-RANKS = [1, pytest.param(2, marks=pytest.mark.mpi)]
 
 
 def run(ranks: int, command: str, out: Path, *more: str, wrong: str = "") -> subprocess.CompletedProcess[str]:
@@ -139,12 +138,12 @@ def assert_same(whole: dict[str, Any], expected: dict[str, Any]) -> None:
         assert row["strengthening_at_force"] == pytest.approx(reference["strengthening_at_force"], rel=1e-12)
 
 
-@pytest.mark.parametrize("ranks", RANKS)
+@pytest.mark.mpi
 def test_fresh_starts_again_and_not_converged_ends_all_ranks_with_one_message(
-    ranks: int, tmp_path: Path, compared: tuple[dict[str, Any], Path]
+    tmp_path: Path, compared: tuple[dict[str, Any], Path]
 ) -> None:
     shutil.copytree(compared[1], tmp_path / "out")
-    done = run(ranks, "compare", tmp_path / "out", "--fresh", wrong="stop")
+    done = run(2, "compare", tmp_path / "out", "--fresh", wrong="stop")
     assert done.returncode == 1
     assert done.stderr.count("step 1 ") == 1
     assert done.stderr.count("thirdbody: error: step 2: DIVERGED_LINE_SEARCH") == 1
@@ -175,22 +174,21 @@ def test_a_signal_is_no_failed_iteration_and_the_run_continues_to_the_same_answe
     tmp_path: Path, compared: tuple[dict[str, Any], Path]
 ) -> None:
     command = [sys.executable, "-m", "tests.runs.elements", "compare", str(SCENE), "--out", str(tmp_path / "out")]
-    for number in (signal.SIGINT, signal.SIGTERM):
-        with subprocess.Popen(
-            command, cwd=ROOT, env=environment({"ELEMENTS": "swallow"}), stderr=subprocess.PIPE, text=True
-        ) as process:
-            assert process.stderr is not None
-            for line in process.stderr:
-                if line.startswith("waiting"):
-                    break
-            process.send_signal(number)
-            rest = process.stderr.read()
-            assert process.wait(timeout=30.0) == 128 + number
-        assert "taken for a failed iteration" in rest
-        assert "the same command continues" in rest
-        assert "Traceback" not in rest
-        assert len(table(tmp_path / "out")) == 4
-        assert state(tmp_path / "out") == "interrupted"
+    with subprocess.Popen(
+        command, cwd=ROOT, env=environment({"ELEMENTS": "swallow"}), stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if line.startswith("waiting"):
+                break
+        process.send_signal(signal.SIGTERM)
+        rest = process.stderr.read()
+        assert process.wait(timeout=30.0) == 128 + signal.SIGTERM
+    assert "taken for a failed iteration" in rest
+    assert "the same command continues" in rest
+    assert "Traceback" not in rest
+    assert len(table(tmp_path / "out")) == 4
+    assert state(tmp_path / "out") == "interrupted"
     done = run(1, "compare", tmp_path / "out", "--json")
     assert done.returncode == 0, done.stderr
     assert "step 2 " not in done.stderr
@@ -214,7 +212,7 @@ def test_solving_by_finite_elements_draws_its_path(tmp_path: Path) -> None:
 
 
 def test_plan_names_the_models_of_a_comparison() -> None:
-    done = thirdbody("plan", SCENE, program=STAND_IN)
+    done = thirdbody("plan", SCENE, "--no-advice", program=STAND_IN)
     assert done.returncode == 0, done.stderr
     assert "mirror plane x = 0" in done.stdout
     assert "about 1 min 07 s" in done.stdout  # the model, and the command around it
