@@ -10,14 +10,15 @@ import pytest
 
 from linear_bem.errors import ThirdBodyError
 from runs.scene.scene_file import read_scene
-from runs.studies.effects import measuring
+from runs.studies.effects import answer, measuring
 from runs.studies.effects.answer import measure, report
 from runs.studies.effects.measuring import Account, lasting
 from runs.studies.effects.scenes import LINEAR, effects, toml
 
 
 @pytest.fixture(scope="module")
-def rows() -> dict[str, dict[str, Any]]:
+def measured() -> tuple[dict[str, dict[str, Any]], Account]:
+    """The study's rows of three effects, and the account of a linear scene."""
     of = {effect.name: effect for effect in effects()}
     mixed = of["mixed form"]
     # finite strain is added to the scene to which the mixed form is added in turn, so that its elements run once
@@ -32,7 +33,21 @@ def rows() -> dict[str, dict[str, Any]]:
     ]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(measuring, "PROBE", Path(__file__).with_name("coarse_probe.py"))
-        return {row["effect"]: row for row in measure(chosen)}
+        linear: list[Account] = []
+
+        def run(*given: Any) -> Account:
+            account = measuring.run(*given)
+            if account.document["model"] == "linear_bem":
+                linear.append(account)
+            return account
+
+        patch.setattr(answer, "run", run)
+        return {row["effect"]: row for row in measure(chosen)}, linear[0]
+
+
+@pytest.fixture
+def rows(measured: tuple[dict[str, dict[str, Any]], Account]) -> dict[str, dict[str, Any]]:
+    return measured[0]
 
 
 @pytest.mark.slow
@@ -58,9 +73,9 @@ def test_an_effect_brings_in_its_own_modules_forms_and_unknowns(rows: dict[str, 
     assert rows["mixed form"]["functions of its own elsewhere"]
 
 
-@pytest.fixture(scope="module")
-def linear() -> Account:
-    return measuring.run(LINEAR)
+@pytest.fixture
+def linear(measured: tuple[dict[str, dict[str, Any]], Account]) -> Account:
+    return measured[1]
 
 
 def test_a_module_that_is_taken_away_is_missed_by_the_scene_that_needs_it(linear: Account) -> None:
