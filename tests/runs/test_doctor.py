@@ -56,17 +56,6 @@ def test_a_python_without_dolfinx_gets_the_name_of_one_that_has_it(without_eleme
         assert f"{SYSTEM_PYTHON} -m venv --system-site-packages .venv" in done.stdout
 
 
-def test_the_linear_model_runs_without_the_libraries_of_the_elements(
-    without_elements: dict[str, str], tmp_path: Path
-) -> None:
-    scene = "runs/scenes/paper_thin_pair_linear.toml"
-    done = python("-m", "runs.cli", "solve", scene, "--json", "--out", tmp_path / "out", env=without_elements)
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["model"] == "linear_bem"
-    done = python("-m", "runs.cli", "plan", scene, env=without_elements)
-    assert done.returncode == 0, done.stderr
-
-
 def test_a_comparison_without_dolfinx_ends_with_one_message(without_elements: dict[str, str], tmp_path: Path) -> None:
     scene = "runs/scenes/paper_thin_pair.toml"
     done = python("-m", "runs.cli", "compare", scene, "--out", tmp_path / "out", env=without_elements)
