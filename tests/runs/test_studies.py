@@ -145,7 +145,7 @@ def test_finished_parts_are_not_computed_again(
     assert capsys.readouterr().err.count("taken from") == len(kept)
     assert (folder / "figure_9_pressure.svg").exists()
     assert before == {part: (folder / f"{part}.json").stat().st_mtime_ns for part in kept}
-    (folder / f"{kept[1]}.json").unlink()
+    (folder / f"{kept[0]}.json").unlink()
     shown = thirdbody("study", "figures", "--quick", "--tables", "--out", folder)
     assert shown.returncode == 0, shown.stderr
     assert shown.stdout.count("\n## ") == 1
