@@ -43,7 +43,7 @@ VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 _OLD = VERSION < (0, 6)
 _COMPILER_SECONDS, _NOTED_AFTER = 600, 2.0
 """How long the compiler waits for a form that another run compiles, and how long it works without a message [s]."""
-_COMPILING = "compiling finite elements for this kind of scene, once: it may take minutes, and later runs find them"
+_COMPILING = "compiling finite elements for this kind of scene, once: it may take minutes, and later runs reuse them"
 _FLAGS = [
     "-O2", "-g0", "-ftree-vectorize", "-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros",
     "-fassociative-math",
@@ -111,7 +111,7 @@ def _name_spacing(domain: Any) -> None:
 
 
 def compile_form(form: Any, comm: MPI.Comm) -> Any:
-    """Return the compiled form (collective over comm), by way of the project's own cache."""
+    """Return the compiled form (collective over comm), through the project's own cache."""
     with _compiler_cache(comm) as options:
         return dolfinx.fem.form(form, **options)
 

@@ -235,7 +235,7 @@ class Refinement:
         """Return the small-strain state at a load fraction; None after it has once found no equilibrium.
 
         ``rounds`` is how often the hyperelastic contact was stiffened; the pair's is stiffened at most as often, step
-        by step: all at once needs up to twice as many new tangents (triangle, nu = 0.49: 4 for 2).
+        by step: all at once needs up to twice as many new tangents (triangle, nu = 0.49: 4 instead of 2).
         """
         if run is None or (record.rows and record.rows[-1].small is None):
             return None

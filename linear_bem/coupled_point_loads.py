@@ -1,4 +1,4 @@
-r"""Many balls as point loads: each ball feels the others' displacement at its axis only.
+r"""Many balls as point loads: the others act on each ball by their displacement at its axis only.
 
 Ball i is pressed into a surface that the others have already moved by sum_j K(L_ij) Q_j, so its own
 relation force(approach) holds at the effective approach d_i = D_i - sum_j K(L_ij) Q_j. With d as the

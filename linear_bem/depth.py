@@ -61,7 +61,7 @@ def _of_approaches(problem: Problem, radii: Array, is_round: Mask) -> list[str]:
     if problem.substrate is None and depths[ball] >= h > 0.0:
         return [
             f"load.approach[{ball}]: must be less than the thickness of a layer on a rigid base, {h:g} m, got "
-            f"{depths[ball]:g} m; reduce the approach, or add the substrate that gives way"
+            f"{depths[ball]:g} m; reduce the approach, or add the substrate that deforms"
         ]
     return [
         f"load.approach[{ball}]: must be less than {ABSURD:g} times the ball's radius, {radii[ball]:g} m, got "
@@ -87,7 +87,7 @@ def _of_forces(problem: Problem, radii: Array, is_round: Mask) -> list[str]:
     return [
         f"{where}: must press a ball less deep than {limit}, got {value:g} N, under which ball {ball} goes about "
         f"{depths[ball]:.2g} m deep; check the units of {load.kind} and of {young}"
-        + (", or add the substrate that gives way" if rigid else "")
+        + (", or add the substrate that deforms" if rigid else "")
     ]
 
 
@@ -108,7 +108,7 @@ def _expected(problem: Problem, radii: Array) -> Array:
 
 
 def dent(substrate: Elastic | None, thickness: float, force: float, contact_area: float) -> float:
-    """Return about how deep [m] a substrate gives way under a layer: Hertz's dent of a force [N], spread by the layer.
+    """Return about how deep [m] a substrate is dented under a layer: Hertz's dent of a force [N], spread by the layer.
 
     The contact [m^2] is taken to be at least as wide as the layer is thick [m].
     """
@@ -118,7 +118,7 @@ def dent(substrate: Elastic | None, thickness: float, force: float, contact_area
 
 
 def large_strain_note(layer: Layer, deepest: float, base: float = 0.0) -> tuple[str, ...]:
-    """Return a note where small strain does not hold, given the largest approach and what the base gives of it [m]."""
+    """Return a note where small strain does not hold, given the largest approach and the base's part of it [m]."""
     if isinstance(layer, SurfaceResponse):  # it may deform to any depth
         return ()
     own = deepest - base

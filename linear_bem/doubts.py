@@ -1,4 +1,4 @@
-"""Notes on a solution that deserves doubt: where small strain does not hold, and own profiles that seem wrong."""
+"""Notes on a doubtful solution: where small strain does not hold, and own profiles that seem wrong."""
 
 import math
 
@@ -12,7 +12,7 @@ from linear_bem.problem import Ball
 from linear_bem.profiles import is_ball
 
 NARROW = 3.0
-"""Approach over the contact radius of an own profile from which a note doubts its units."""
+"""Approach over the contact radius of an own profile from which a note questions its units."""
 
 
 def own_profile_notes(contacts: Contacts) -> tuple[str, ...]:
@@ -58,7 +58,7 @@ def large_strain_notes(contacts: Contacts) -> tuple[str, ...]:
 
 
 def _given_by_base(contacts: Contacts) -> float:
-    """Return about how deep [m] the substrate gives way under the deepest ball, by its own force and by the others'."""
+    """Return about how deep [m] the substrate is dented under the deepest ball, by its own force and by the others'."""
     problem, ball = contacts.problem, int(np.argmax(contacts.approaches))
     substrate, forces = problem.substrate, contacts.normal_forces
     own = dent(substrate, problem.layer.thickness, float(forces[ball]), float(contacts.contact_areas[ball]))

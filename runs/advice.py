@@ -142,7 +142,7 @@ class Adviser:
             said += "" if {"reciprocation", "periodic"} & {*self.effects} else "; `thirdbody compare` computes it"
         do = "" if present else "; add [finite_strain]"
         if matters is False:
-            do = "; the scene can do without" if present else "; not needed"
+            do = "; it can be left out" if present else "; not needed"
         return Advice("finite_strain", present, *shown, matters, f"finite strain {verb} T by {said}{do}")
 
     def _shape(self) -> list[Advice]:
@@ -186,7 +186,7 @@ class Adviser:
     def _contact_size(self) -> list[Advice]:
         change = self._changed(self.problem, MODELS["point_load"].solve)
         matters = self._judged(change)
-        words = "" if matters else "; --model point_load would do"
+        words = "" if matters else "; --model point_load suffices"
         text = f"size of the contacts: treating the balls as point loads would change T by {percent(change)}{words}"
         return [Advice("contact size", True, change, None, matters, text)]
 

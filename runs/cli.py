@@ -96,7 +96,7 @@ def evolve(
         typer.Option("--tables", metavar="DIR", help="Folder of the tables of pairs; default out/pair-tables."),
     ] = None,
 ) -> None:
-    """Let the balls of a scene drift under their mutual forces while the plate slides to and fro."""
+    """Let the balls of a scene drift under their mutual forces while the plate slides back and forth."""
     from runs.evolution.evolving import evolve_scene  # noqa: PLC0415
 
     with read(scene) as given:

@@ -6,7 +6,7 @@ OURS = ("runs", "linear_bem", "finite_strain", "meshes")
 
 
 def main() -> None:
-    """Run `runs.cli`; where packages are absent or do not fit together, say which, and how to mend that."""
+    """Run `runs.cli`; where packages are absent or do not fit together, say which, and how to repair that."""
     try:
         from runs.cli import main as run  # noqa: PLC0415  (may be absent)
     except AttributeError as error:

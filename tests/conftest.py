@@ -9,7 +9,7 @@ import pytest
 def pytest_configure() -> None:
     """Give each process that shares the files its own cores.
 
-    Ranks that wait for each other give way to any other process: two on a core beside a busy test take three times as
+    Ranks that wait for each other yield to any other process: two on a core beside a busy test take three times as
     long as alone, and four on two cores ten times.
     """
     worker, count = os.environ.get("PYTEST_XDIST_WORKER"), os.environ.get("PYTEST_XDIST_WORKER_COUNT")

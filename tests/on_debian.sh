@@ -34,10 +34,10 @@ arguments=("$@")
 while (($#)); do
   case $1 in
     --user) account=tester ;;
-    --commit) commit=${2:?--commit wants a revision} && shift ;;
+    --commit) commit=${2:?--commit needs a revision} && shift ;;
     --keep) keep=yes ;;
-    --cache) cache=${2:?--cache wants a folder} && shift ;;
-    --ca) ca=${2:?--ca wants a file} && shift ;;
+    --cache) cache=${2:?--cache needs a folder} && shift ;;
+    --ca) ca=${2:?--ca needs a file} && shift ;;
     quickstart | tests | both | setup) what=$1 ;;
     -h | --help) usage 0 ;;
     --) extra=("${@:2}") && break ;;

@@ -52,7 +52,7 @@ check format .venv/bin/python -m ruff format --check .
 if [[ $(.venv/bin/python -c 'import numpy; print(numpy.__version__)') == 1.* ]]; then
   begin mypy .venv/bin/python -m mypy
 else
-  summary+=("mypy not run: it goes by the annotations of numpy 1, which Debian 12 has")
+  summary+=("mypy not run: it needs the annotations of numpy 1, which Debian 12 has")
 fi
 workers=$(env -u OMP_NUM_THREADS nproc) # nproc would take that variable for the number of cores
 # Files with slow tests start first (tests/conftest.py), so that the last ones are short.

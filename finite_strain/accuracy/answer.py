@@ -44,7 +44,7 @@ class Answers:
     def truth(self, fraction: float) -> LinearTruth | str:
         """Return the result of `linear_bem` at a load fraction, or the message why there is none (one rank).
 
-        The message is empty for a body with free sides, which `linear_bem` does not know.
+        The message is empty for a body with free sides, which `linear_bem` does not support.
         """
         plan = self.plan
         if plan.has_free_sides:

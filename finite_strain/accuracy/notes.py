@@ -100,7 +100,7 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
 
 
 def _overrun(plan: RunPlan, record: Record, seconds: float) -> list[str]:
-    """Return notes on an exceeded budget: the first discretisations run at any cost."""
+    """Return notes on an exceeded budget: the first discretisations run in any case."""
     budget, notes = plan.budget, []
     most = budget.unknowns or math.inf
     if record.unknowns > most:

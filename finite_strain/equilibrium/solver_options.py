@@ -24,7 +24,7 @@ FACTORS = {
     "mat_mumps_icntl_14": "80",
     "mat_mumps_icntl_20": "0",
 }
-"""LDL^T by MUMPS: the tangent is symmetric, and indefinite in the mixed form or past a wrinkle."""
+"""LDL^T by MUMPS: the tangent is symmetric, and indefinite in the mixed form or after wrinkling."""
 KRYLOV = {"ksp_type": "fgmres", "ksp_gmres_restart": "60", "ksp_rtol": "1e-2", "ksp_max_it": "120"}
 """Not conjugate gradients: a deformed layer under contact may have an indefinite tangent.
 
@@ -151,7 +151,7 @@ def solver_notes(method: str, failures: int, unused: list[str]) -> list[str]:
     """Return notes on a Krylov method that failed, and on the user's options that no solver has read."""
     notes = []
     if failures:
-        notes.append(f"linear systems: {method} did not converge {failures} time(s); factors (MUMPS) took its place")
+        notes.append(f"linear systems: {method} did not converge {failures} time(s); factors (MUMPS) replaced it")
     if unused:
         notes.append(
             f"PETSC_OPTIONS or solver_options: no solver of this run ({method}) has read {', '.join(unused)}; "

@@ -4,7 +4,7 @@ The domain integral is Eshelby's: with Sigma_kJ = psi delta_kJ - u_i,k P_iJ and 
 contact and 0 under its neighbours', F_k = -int Sigma_kJ q,J dV, and surface terms that vanish where q is constant under
 the contacts. It is the domain form of the J-integral [Shih Moran Nakamura 1986, doi 10.1007/BF00034019] and needs no
 resolved contact traction. The traction's integral (`Model.forces`) is a second formula: the contact edge tends to
-stick to mesh lines, so this integral converges more slowly and is not used in the answer.
+follow mesh lines, so this integral converges more slowly and is not used in the answer.
 """
 
 import numpy as np

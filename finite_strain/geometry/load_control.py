@@ -140,7 +140,7 @@ class PrescribedForce(PrescribedLoad):
         return state if state.approach <= most else alone(self.problem, ball, approach=most)
 
     def _dent(self, state: Indentation) -> float:
-        """Return about how deep [m] the substrate gives way."""
+        """Return about how deep [m] the substrate is dented."""
         area = math.pi * state.contact_radius**2
         return dent(self.problem.substrate, self.problem.layer.thickness, state.normal_force, area)
 

@@ -4,7 +4,7 @@ Each step solves K p = D - f exactly on the present contact, by preconditioned c
 then leave the contact, cells that penetrate enter it [Hintermueller, Ito and Kunisch 2002, SIAM J. Optim. 13, 865, doi
 10.1137/S1052623401383558]. Constrained conjugate gradients (`polonsky_keer.py`) change the contact at every step. They
 need fewer steps where the pressure vanishes at the edge; where it peaks there, under stiff films, they may gain and
-lose the same cells for ever.
+lose the same cells indefinitely.
 """
 
 import numpy as np

@@ -24,7 +24,7 @@ from linear_bem.media import Elastic, Layer, SurfaceResponse, without_empty_laye
 _COARSE = 32
 _COARSE_TOLERANCE = 1e-4
 STEEP = 10.0
-"""Root mean square slope of heights above which a note doubts their unit."""
+"""Root mean square slope of heights above which a note questions their unit."""
 OF_HEIGHTS = {
     LARGE_STRAIN: "the surface is pressed down by up to",
     BETWEEN: "forces",

@@ -117,7 +117,7 @@ class MeasuredResponse:
         between = 0.5 * (log_t[1:] + log_t[:-1])
         off = np.abs(self._spline(between) - self._asked(np.exp(between)))
         missed = off > 0.1 * JUMP * np.maximum(values[1:], LITTLE)
-        around = np.flatnonzero(np.convolve(missed, np.ones(5), "same") > 0.0)  # the spline rings beside a jump
+        around = np.flatnonzero(np.convolve(missed, np.ones(5), "same") > 0.0)  # the spline oscillates beside a jump
         low, high, below, above = log_t[around], log_t[around + 1], values[around], values[around + 1]
         for _ in range(HALVINGS if around.size else 0):
             middle = 0.5 * (low + high)

@@ -177,7 +177,7 @@ def _in_compare(model: Model, scene: Scene, problem: Problem) -> dict[str, Any]:
 
 
 def _warnings(problem: Problem, ahead: Result) -> list[str]:
-    """Return where small strain does not hold, of a problem at finite strain only where no layer gives way so far."""
+    """Return the notes where small strain does not hold; at finite strain only those on impossible depths."""
     found = tables.warnings(ahead.solved.to_dict())
     return found if problem.finite_strain is None else [text for text in found if MEANINGLESS in text]
 

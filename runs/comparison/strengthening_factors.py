@@ -117,7 +117,7 @@ def of_ball(row: Mapping[str, Any], balls: Sequence[Mapping[str, Any]]) -> str:
 def answer(rows: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]], scale: Scale) -> str:
     """Return a sentence on the change of the tangential force by finite strain at the end of the load path."""
     if len(balls) == 1:
-        return "One ball feels no tangential force: there is nothing to compare."
+        return "A single ball has no tangential force: there is nothing to compare."
     row = last_row(rows, balls)
     if row is None:
         return "The linear tangential force is below its own error on every ball: there is nothing to compare."

@@ -1,4 +1,4 @@
-r"""Balls that drift under their mutual forces while a plate slides to and fro above them.
+r"""Balls that drift under their mutual forces while a plate slides back and forth above them.
 
 The law. While a ball slides (or rolls) along the main motion, friction f Q opposes its *total* relative velocity, so a
 small in-plane force T has no threshold to overcome: it turns the direction of sliding by the angle T/(f Q), and the

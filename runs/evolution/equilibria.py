@@ -1,4 +1,4 @@
-r"""Equilibria: where forces and pushes balance, and whether a small disturbance dies out.
+r"""Equilibria: where forces and pushes balance, and whether a small disturbance decays.
 
 Unknowns are the positions x and the pushes N of the contacts that hold; equations
 

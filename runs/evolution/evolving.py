@@ -266,7 +266,7 @@ class Evolution:
         if record.damage:
             notes.append(record.damage)
         if not converged:
-            notes.append("unfinished: the path has not come to its end; the same command continues it")
+            notes.append("unfinished: the path is not complete; the same command continues it")
         versions = {"python": platform.python_version(), "numpy": np.__version__, "scipy": scipy.__version__}
         steps = record.steps + sum(m.get("steps", 0) for m in members if m["seed"] != self.sliding.seed)
         size, processes = self.problem.size, ranks.rank_and_size()[1]

@@ -1,7 +1,7 @@
 r"""Forces of many balls from states of one and of two balls: at any positions in a fraction of a millisecond.
 
 One ball gives the relation F of force and approach. Two equal balls at distance L under the
-approach D carry Q(L) and feel T(L), which define their influence k and pull c,
+approach D have the forces Q(L) and T(L), which define their influence k and pull c,
 
     Q = F(D - k(L) Q),     T = c(L) Q^2.
 

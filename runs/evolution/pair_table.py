@@ -178,7 +178,7 @@ class PairTable:
                 write_text(self.path, to_json(self.data))
                 # one ball alone is solved at all depths: its time says nothing about that of a pair
                 left = f", about {duration(seconds * self.missing)} left" if self.missing and states.pairs else ""
-                print_status(f"pair table: {words} ({seconds:.1f} s); {count(self.missing, 'run')} to go{left}")
+                print_status(f"pair table: {words} ({seconds:.1f} s); {count(self.missing, 'run')} to do{left}")
 
         if states.single is None:
             states.single = self._single()

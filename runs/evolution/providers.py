@@ -84,7 +84,7 @@ def provider(
     if ranks.is_root() and table.missing:
         cores = ranks.rank_and_size()[1]
         time = "" if planned is None else f", about {duration(time_on(cores, planned))} on {count(cores, 'idle core')}"
-        print_status(f"pair table {table.path}: {count(table.missing, 'run')} to go by {model.name}{time}")
+        print_status(f"pair table {table.path}: {count(table.missing, 'run')} to do by {model.name}{time}")
     table.complete(print_status)
     worst, measured = table.worst(), model.name != "finite_strain" and problem.size <= MEASURED
     note = (

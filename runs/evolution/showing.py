@@ -84,7 +84,7 @@ def sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
     if document["position_error"] is not None:
         lines.append(
             f"error of the positions by the steps alone: {number(document['position_error'] / smallest, 2)} R, by "
-            f"comparison with a {outcome.COARSER:g} times coarser tolerance; that of the forces comes on top"
+            f"comparison with a {outcome.COARSER:g} times coarser tolerance; the error of the forces adds to it"
         )
     lines.append(f"|sum of T| is {document['momentum']:.1e} of the largest T")
     if document["cut_error"]:

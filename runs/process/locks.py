@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import IO
 
 RUNNING, STOPPED = "running", "stopped"
-"""State that a run writes at its start, and its actual state if its process is gone (killed, or machine down)."""
+"""State that a run writes at its start, and its actual state if its process is gone (killed, or machine failed)."""
 
 
 def take(file: IO[str], *, wait: bool = False, shared: bool = False) -> bool | None:

@@ -73,9 +73,7 @@ class Session:
             finished = self.folder.finished()
             self.saved, self.complete = finished or self.folder.saved() or {}, bool(finished)
             if self.folder.stopped:
-                self.report(
-                    "this run was stopped before: killed, or its machine went down; it resumes from what is saved"
-                )
+                self.report("this run was stopped before: killed, or its machine failed; it resumes from what is saved")
             if not self.complete:
                 self.folder.log(f"{' '.join(sys.argv)}  on {ranks.rank_and_size()[1]} rank(s)\n{_versions()}")
         try:

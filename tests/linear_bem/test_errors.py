@@ -140,7 +140,7 @@ def test_the_peak_at_the_edge_of_a_stiff_film_is_covered_by_coarse_cells_too():
 
 
 def test_a_cone_wide_against_its_tip_goes_to_a_grid():
-    """Polynomials take all degrees in vain."""
+    """No degree of polynomials is accurate enough."""
     problem = pair(Layer(1.0, 0.48, 1.16), Load("approach", (0.2, 0.2)), Cone(np.radians(30.0), 0.3))
     quick, fine = solve_contact(problem, 1e-2), solve_contact(problem, 1e-3)
     assert isinstance(quick.contacts, GridContacts)

@@ -89,7 +89,7 @@ def test_an_approach_through_a_layer_to_a_rigid_base_is_refused_once():
         solve(through)
     assert len(caught.value.faults) == 1
     one = Load("approach", (12.0, 0.0))
-    solve(Problem(layer, balls, one, Elastic(1e3, 0.3)), 1e-2)  # which may give way
+    solve(Problem(layer, balls, one, Elastic(1e3, 0.3)), 1e-2)  # which may deform
     solve(Problem(Layer(1.0, 0.3, math.inf), balls, one), 1e-2)
 
 
@@ -159,7 +159,7 @@ def test_a_depth_that_neither_layer_nor_base_can_give_is_noted_first():
         assert deep.balls[0].approach > 10.0
         assert "deeper than layer and base can give: check the load and its unit" in deep.solved.notes[0]
     soft = solve(Problem(Layer(1e3, 0.3, 10.0), ball, Load("approach", (15.0,)), Elastic(1.0, 0.3)), 1e-2)
-    assert not any("of the layer's thickness" in note for note in soft.solved.notes)  # the base gives way
+    assert not any("of the layer's thickness" in note for note in soft.solved.notes)  # the base deforms
 
 
 def test_an_approach_beyond_the_radius_of_its_ball_is_noted_once():

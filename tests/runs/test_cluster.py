@@ -1,4 +1,4 @@
-"""The Slurm job script: ranks that see each other, parts of a study, out of time and back into the queue."""
+"""The Slurm job script: ranks that see each other, parts of a study, the time limit, and a job that is queued again."""
 
 from __future__ import annotations
 

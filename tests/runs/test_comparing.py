@@ -119,7 +119,7 @@ def test_a_killed_run_keeps_its_steps_and_the_same_command_continues_on_two_rank
     assert len(half["finite"]["steps"]) == 2
     assert half["finite"]["solved"]["converged"] is False
     assert len(table(out)) == 4
-    assert "unfinished: killed, or its machine went down; the same command continues it" in page_of(read_folder(out))
+    assert "unfinished: killed, or its machine failed; the same command continues it" in page_of(read_folder(out))
     done = run(2, "compare", out, "--json")
     assert done.returncode == 0, done.stderr
     assert done.stderr.count("this run was stopped before: killed") == 1
@@ -158,7 +158,7 @@ def test_a_failure_on_one_rank_ends_the_other(tmp_path: Path) -> None:
     done = run(2, "compare", tmp_path / "out", wrong="lost")
     assert done.returncode == 1
     assert "RuntimeError: rank 1 has lost its way" in done.stderr
-    assert time.monotonic() - began < 60.0  # it would wait for ever
+    assert time.monotonic() - began < 60.0  # it would wait without end
 
 
 @pytest.mark.mpi

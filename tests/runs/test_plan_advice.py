@@ -174,7 +174,7 @@ def test_a_present_finite_strain_that_does_not_matter_can_be_dropped() -> None:
     found = of_finite_strain(pair(0.02), 0.05, "finite_strain")
     assert found.present
     assert found.matters is False
-    assert found.text.endswith("the scene can do without")
+    assert found.text.endswith("it can be left out")
 
 
 def test_outside_its_range_the_fit_decides_nothing() -> None:

@@ -85,7 +85,7 @@ def test_a_killed_study_goes_on_inside_the_case_it_was_killed_in(killed: Path, r
     (only,) = records(killed).values()
     assert (only["state"], len(only["steps"])) == ("running", 2)
     assert read_folder(killed).state == "stopped"
-    assert "killed, or its machine went down" in page_of(read_folder(killed))
+    assert "killed, or its machine failed" in page_of(read_folder(killed))
     shown = study(killed, "--tables")
     assert f"- {NAMES[0]}: stopped after 2 load step(s)" in shown.stdout
     assert f"0 of {len(NAMES)} cases" in shown.stdout

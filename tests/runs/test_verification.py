@@ -158,7 +158,7 @@ def test_a_slope_of_the_energy_that_leaves_the_error_bar_is_reported(strength: f
 
     def moved(sign: float) -> list[dict[str, Any]]:
         stored = 1.0 + sign * strength * pull * 2.0 * routes.SHIFT
-        # the contact gives way: the strain energy has less of it than the potential
+        # the contact is compliant: the strain energy has less of it than the potential
         record = {**level, "strain_energy": stored - 1e-3, "potential": stored + 1e-3}
         return [{"balls": pair(0.1, 0.1, pull, 0.0), "record": record}]
 

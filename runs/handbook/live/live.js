@@ -181,7 +181,7 @@ const liveModel = (() => {
     if (drift.rest !== undefined) return `they come to rest at L = ${digits(drift.rest * R)} mm, where T = 0`;
     if (drift.path === 0) return attract ? "they touch" : "the table ends at this distance";
     const path = withUnit(drift.path * R * f * 1e-3, "m");
-    return attract ? `they meet after ${path} of sliding` : `at L = ${digits(drift.end * R)} mm after ${path} of sliding`;
+    return attract ? `they touch after ${path} of sliding` : `at L = ${digits(drift.end * R)} mm after ${path} of sliding`;
   }
 
   function draw([nu, h, L, D], T, resolved) {
