@@ -61,7 +61,7 @@ def _of_approaches(problem: Problem, radii: Array, is_round: Mask) -> list[str]:
     if problem.substrate is None and depths[ball] >= h > 0.0:
         return [
             f"load.approach[{ball}]: must be less than the thickness of a layer on a rigid base, {h:g} m, got "
-            f"{depths[ball]:g} m; reduce the approach, or add the substrate that deforms"
+            f"{depths[ball]:g} m; reduce the approach, or add the elastic substrate"
         ]
     return [
         f"load.approach[{ball}]: must be less than {ABSURD:g} times the ball's radius, {radii[ball]:g} m, got "
@@ -85,9 +85,9 @@ def _of_forces(problem: Problem, radii: Array, is_round: Mask) -> list[str]:
     where, value = (f"load.{load.kind}", load.values[0]) if total else (f"load.force[{ball}]", load.values[ball])
     young = f"the layer's young ({problem.layer.young:g} Pa)"
     return [
-        f"{where}: must press a ball less deep than {limit}, got {value:g} N, under which ball {ball} goes about "
+        f"{where}: must press a ball less deep than {limit}, got {value:g} N, under which ball {ball} is pressed about "
         f"{depths[ball]:.2g} m deep; check the units of {load.kind} and of {young}"
-        + (", or add the substrate that deforms" if rigid else "")
+        + (", or add the elastic substrate" if rigid else "")
     ]
 
 
