@@ -104,7 +104,7 @@ become_root() {
     sudo true || stop "cannot install them: sudo refused." "As root:     $by_hand" "Then again:  bash ${0@Q}"
   else
     as_root=(sudo -n env)
-    sudo -n true 2>/dev/null || stop "cannot install them: sudo wants a password and there is no terminal to ask for it." \
+    sudo -n true 2>/dev/null || stop "cannot install them: sudo needs a password and there is no terminal to ask for it." \
       "In a terminal:  sudo sh -c '$by_hand'" "Then again:     bash ${0@Q}"
   fi
 }
@@ -162,7 +162,7 @@ check_blas() {
     case $name:$library in
       libblas.so.3*:*/blas/libblas.so.3)
         say "note: $name is the slow reference BLAS (set to $mode): right results, direct solves 5 to 6 times slower."
-        printf '       Mend it, as root:  update-alternatives --auto %s\n' "$name"
+        printf '       Repair it, as root:  update-alternatives --auto %s\n' "$name"
         ;;
     esac
   done < <(update-alternatives --get-selections 2>/dev/null)
