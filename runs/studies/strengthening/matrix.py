@@ -1,4 +1,4 @@
-"""The cases of the study: the paper's pair on its two layers (the headline), variations of it, and hyperelastic laws."""
+"""The cases of the study: the paper's pair on its two layers (the headline), variations of it, hyperelastic laws."""
 
 from dataclasses import replace
 
