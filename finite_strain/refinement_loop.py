@@ -1,6 +1,7 @@
 """One finite-element run: from coarse to fine, each discretisation solves, evaluates and saves all load steps."""
 
 import hashlib
+import shutil
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -28,7 +29,7 @@ from finite_strain.observer import Observer
 from finite_strain.one_discretisation import STIFFER, MeshRun, ModelRun
 from finite_strain.output.field_catalogue import FieldChoice
 from finite_strain.output.field_writer import FieldWriter
-from finite_strain.output.step_files import missing_files
+from finite_strain.output.step_files import missing_files, move_steps
 from finite_strain.output.top_surface import TopSurface
 from finite_strain.planning.records import Answer, ContactState, Record, Row, SolverAccount, save_records, saved_records
 from finite_strain.planning.refinement import PATH_FINDER, account, coarser, decide
@@ -91,14 +92,11 @@ class Refinement:
         plan = self.plan
         if not self.records:
             self.records.append(Record(PATH_FINDER))
-        answered, why = 0, ""
         while True:
             number = len(self.records) - 1
             record = self.records[number]
             if not record.finished:
                 self._press(number)
-            if record.steps and (not self.records[answered].steps or self._reach(number) >= self._reach(answered)):
-                answered = number
             if record.stopped and number > 1:
                 why = f"{record.level} did not reach full load: {record.stopped}"
                 break
@@ -109,6 +107,7 @@ class Refinement:
                 break
             self.records.append(Record(level))
             self._save()
+        answered = self._answered()
         if self._reach(answered) < plan.goals[-1]:
             kept = f"; the steps before are kept in {self.folder}" if self.keep and self.records[answered].steps else ""
             stopped = self.records[-1].stopped
@@ -120,6 +119,10 @@ class Refinement:
         """Return the largest load fraction with results of a discretisation."""
         steps = self.records[number].steps
         return steps[-1].fraction if steps else 0.0
+
+    def _answered(self) -> int:
+        """Return the number of the discretisation with the result: the last of those that reach the largest load."""
+        return max(range(len(self.records)), key=lambda number: (self._reach(number), number))
 
     def _press(self, number: int) -> None:
         """Follow the load path on one discretisation, from the last saved state of an earlier run (collective)."""
@@ -145,6 +148,9 @@ class Refinement:
         for place, old in enumerate(record.steps):  # again: larger loads now help to judge smaller ones
             record.steps[place] = self._answer(number, old.step, old.account)
         judge(self.plan, record)
+        if (fields := self._fields(number)) != self.folder:
+            is_answer = number == self._answered()
+            on_root(self.comm, lambda: move_steps(fields, self.folder) if is_answer else shutil.rmtree(fields))
         self._save()
 
     def _along(self, run: MeshRun, record: Record, number: int, began: float) -> None:
@@ -154,7 +160,7 @@ class Refinement:
         writer = None
         if coarse is not None:
             if self.keep:
-                writer = FieldWriter(run.own.model, self.folder, self.fields)
+                writer = FieldWriter(run.own.model, self._fields(number), self.fields)
                 writer.forget_after(len(record.steps))
             self.observer.started({
                 "model": plan.model, "mesh": run.name, "forms": describe_forms(plan.problem),
@@ -249,6 +255,10 @@ class Refinement:
         except NotConverged:
             return None
 
+    def _fields(self, number: int) -> Path:
+        """Return the folder for a discretisation's fields; those of a finer one stay apart until it has the result."""
+        return self.folder / NAMES[2] if number > 1 and self.keep else self.folder
+
     def _file(self, number: int, model: str, fraction: float) -> Path:
         return self.folder / f"state_{number}_{model}_{self.plan.loads.index(fraction) + 1:03d}.npz"
 
@@ -284,7 +294,7 @@ class Refinement:
         said = account(plan.accuracy, self.records, answered, plan.budget, why, relative_to(record))
         notes = [*self.damage, *result_notes(plan, record, why, sum(each.seconds for each in self.records))]
         solvers = ", then ".join(dict.fromkeys(step.linear_solver for step in steps))  # may change on restart
-        if self.keep and answered == len(self.records) - 1:
+        if self.keep:
             wanted = [each.step for each in steps if self.fields.wants(each.step, each.fraction)]
             notes += on_root(self.comm, lambda: missing_files(self.folder, wanted))
         notes += solver_notes(solvers, sum(step.linear_fallbacks for step in steps), self.unused)

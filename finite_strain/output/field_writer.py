@@ -52,9 +52,10 @@ class FieldWriter:
         return compat.compile_expression(stress, self._nodes.lattice.points, model.comm)
 
     def forget_after(self, number: int) -> None:
-        """Remove the steps beyond ``number`` that an earlier, different run left in the folder (collective)."""
+        """Remove the steps beyond ``number`` that an earlier run left in the folder, made if missing (collective)."""
 
         def remove() -> None:
+            self.folder.mkdir(exist_ok=True)
             for path in [path for path in self.folder.glob("step_*.*") if path.stem > stem(number)]:
                 if path.is_dir():  # of VTX
                     shutil.rmtree(path)

@@ -95,6 +95,15 @@ def missing_files(folder: Path, numbers: list[int]) -> list[str]:
     ]
 
 
+def move_steps(source: Path, target: Path) -> None:
+    """Move all files of one folder into another, where they replace those of the same names."""
+    for path in source.iterdir():
+        if (old := target / path.name).is_dir():  # of VTX
+            shutil.rmtree(old)
+        path.replace(old)
+    source.rmdir()
+
+
 def stem(number: int) -> str:
     """Return the name of a step's files without suffix."""
     return f"step_{number:04d}"

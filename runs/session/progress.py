@@ -37,7 +37,7 @@ def _setting(info: Mapping[str, Any]) -> str:
 class Progress:
     """Observer of a load path: all ranks call it; ``root`` prints and passes steps to ``take``.
 
-    ``expected``: planned seconds of the first two meshes. ``draw`` gets the surface after every step; where there is
+    ``expected``: planned seconds of the first two meshes. ``draw`` gets every step and its surface; where there is
     none, the surface is not gathered. As a context on a terminal it shows a bar with the time passed and left.
     """
 
@@ -49,7 +49,7 @@ class Progress:
         root: bool,
         take: Callable[[Step], None],
         log: Callable[[str], None] = lambda text: None,
-        draw: Callable[[Any], None] | None = None,
+        draw: Callable[[Step, Any], None] | None = None,
         expected: Sequence[float] = (),
     ) -> None:
         self.scale, self.goal, self.root = scale, goal, root
@@ -149,7 +149,7 @@ class Progress:
             text = f"{self._line(step)}   {duration(now - self._step_began)}, {self._times()}"
             self.take(step)
             if self.draw is not None:
-                self.draw(top)
+                self.draw(step, top)
             self._print_status(text, f"{self._steps_done} of {self._steps} load steps")
             self.log(text)
             self._step_began = time.monotonic()

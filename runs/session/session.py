@@ -145,15 +145,17 @@ class Session:
             steps[:] = path_so_far(steps, step)
             keep(unfinished(self.model, steps))
 
+        def draw(step: Step, top: Any) -> None:
+            if step is steps[-1]:  # no coarser mesh has reached a larger load
+                surface.keep(self.out, top)  # the picture survives a killed run
+
         goal = max(self.problem.load.values) if self.problem.load.kind == "approach" else None
         log = self.folder.log if self.folder is not None else lambda text: None
         ranks_here = ranks.rank_and_size()[1]
         both = (self.plan.get(f"{kind}seconds_of_meshes", ()) for kind in ("", "processor_"))
         of_meshes = [time_on(ranks_here, {"seconds": s, "processor_seconds": p}) for s, p in zip(*both, strict=True)]
         progress = Progress(
-            self.scale, goal, root=self.root, take=take, log=log,
-            draw=lambda top: surface.keep(self.out, top),  # the picture survives a killed run
-            expected=of_meshes,
+            self.scale, goal, root=self.root, take=take, log=log, draw=draw, expected=of_meshes,
         )  # fmt: skip
         if self.root and self.plan:
             size = f"about {grouped(self.plan['unknowns'])} unknowns, {self.plan['load_steps']} load steps"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +17,15 @@ import h5py
 from scipy.spatial import cKDTree
 
 import finite_strain
+from finite_strain.equilibrium.load_path import StepRecord
+from finite_strain.one_discretisation import ModelRun
 from finite_strain.output.field_catalogue import CATALOGUE
-from finite_strain.planning.records import NAME
-from linear_bem.errors import OutputUnusable
+from finite_strain.planning.records import NAME, Record, save_records, saved_records
+from finite_strain.refinement_loop import Refinement
+from linear_bem.errors import NotConverged, OutputUnusable
 from tests.finite_strain.light import press, solve
 from tests.finite_strain.press import ACCURACY, STEPS, Stopped
-from tests.finite_strain.scenes import COARSER, Keeper, Recorder, light_pair, relatively
+from tests.finite_strain.scenes import COARSER, QUADRATIC, Keeper, Recorder, light_pair, relatively
 
 PARALLEL = 1e-6
 """Relative: equilibria are converged to 1e-9 of the normal force, and T is a thousandth of that force or less."""
@@ -110,6 +115,38 @@ def test_fields_of_a_finished_run_that_are_missing_are_named(folder: Path, tmp_p
     (note,) = [note for note in solve(tmp_path, again).solved.notes if "missing" in note]
     assert not again.attempts
     assert note.startswith(f"step_0001.h5 missing in {tmp_path}: ")
+
+
+def test_the_fields_are_those_of_the_mesh_that_has_the_result(
+    result: Any, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    key = json.loads((tmp_path / NAME).read_text(encoding="utf-8"))["key"]
+    records, _ = saved_records(tmp_path, key)
+    save_records(tmp_path, key, [*records, Record(QUADRATIC)])  # stands for a finer mesh
+    follow = Refinement._steps
+
+    def until_full_load(run: Refinement, own: ModelRun, path: list[float], number: int) -> Iterator[StepRecord]:
+        yield from follow(run, own, path[:-1], number)
+        raise NotConverged("stopped on purpose")
+
+    monkeypatch.setattr(Refinement, "_steps", until_full_load)
+    for _ in range(2):  # and from what the first run has saved
+        assert [step.to_dict() for step in solve(tmp_path, None).steps] == [step.to_dict() for step in result.steps]
+    for name in ("step_0001.h5", "step_0002.h5", "fields.xdmf"):
+        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
+    assert not (tmp_path / "finer").exists()
+    (_, coarser, finer), _ = stopped = saved_records(tmp_path, key)
+    assert len(finer.steps) == 1
+    del coarser.steps[1:]  # as if it had not got any further either
+    finer.finished = False
+    save_records(tmp_path, key, stopped[0])
+    (tmp_path / "finer").mkdir()
+    (tmp_path / "finer" / "step_0001.h5").write_text("of the finer mesh", encoding="utf-8")
+    with pytest.raises(NotConverged, match="stopped on purpose"):
+        solve(tmp_path, None)
+    assert (tmp_path / "step_0001.h5").read_text(encoding="utf-8") == "of the finer mesh"
+    assert not (tmp_path / "finer").exists()
 
 
 class Unwilling(Recorder):

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from linear_bem.result import BallResult, Step
+from linear_bem import Problem
+from linear_bem.result import BallResult, Result, Step
 from runs.commands.plan import plan_scene
+from runs.display import surface
+from runs.models import Run
 from runs.scene.scene_file import InvalidScene, read_scene
-from runs.session.session import path_so_far
+from runs.session.session import Options, Session, path_so_far, unfinished
 from tests.launch import STAND_IN, thirdbody
 from tests.scenes import thin_pair
 
@@ -68,6 +74,31 @@ def test_a_coarser_meshs_answers_stay_until_a_finer_one_gets_there() -> None:
     assert meshes(path) == [2, 2, 1]
     path = path_so_far(path, step(1.0, 2))
     assert meshes(path) == [2, 2, 2]
+
+
+def test_a_coarser_meshs_surface_stays_until_a_finer_one_gets_there(tmp_path: Path) -> None:
+    def kept(*steps: Step) -> float:
+        """Return the approach of the surface that is kept after some steps, which a resumed run adds to the first."""
+
+        def solve(problem: Problem, run: Run) -> Result:
+            for each in steps:
+                top = SimpleNamespace(points=np.full((1, 3), each.balls[0].approach), triangles=[], pressure=[])
+                run.observer.step_done(each, lambda top=top: top)
+            return unfinished(session.model, steps)
+
+        options = Options(out=tmp_path / "out")
+        with Session(
+            "solve", read_scene(scene(tmp_path, "tangential_force = 0.01")), "finite_strain", options
+        ) as session:
+            session.model = replace(session.model, solve=solve)
+            session.solve([step(1.0, 1).to_dict()] if steps[0].record["mesh"] == 2 else [], lambda _: None)
+        top = surface.load(tmp_path / "out")
+        assert top is not None
+        return float(top.points[0, 0])
+
+    assert kept(step(0.5, 1), step(1.0, 1), step(0.3, 2)) == 1.0
+    assert kept(step(0.6, 2)) == 1.0
+    assert kept(step(0.9, 2), step(1.1, 2)) == 1.1
 
 
 def test_what_followed_on_the_same_mesh_is_replaced() -> None:

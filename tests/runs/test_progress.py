@@ -58,7 +58,9 @@ def test_a_surface_that_nobody_keeps_is_not_gathered(root: bool) -> None:
     Progress(Scale(1.0, 1.0), None, root=root, take=lambda _: None).step_done(STEP, surface)
     assert gathered == []
     # gathering is collective: every rank calls it, and rank 0 keeps what comes of it
-    Progress(Scale(1.0, 1.0), None, root=root, take=lambda _: None, draw=kept.append).step_done(STEP, surface)
+    Progress(Scale(1.0, 1.0), None, root=root, take=lambda _: None, draw=lambda _, top: kept.append(top)).step_done(
+        STEP, surface
+    )
     assert gathered == [root]
     assert kept == (["the surface"] if root else [])
 
