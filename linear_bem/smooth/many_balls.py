@@ -25,15 +25,13 @@ from linear_bem.load_control import Groups
 from linear_bem.profiles import Height
 from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.multipole import Interaction, disc_nodes
-from linear_bem.smooth.newton import Nodes, Rule, SmoothSolution, stalled
+from linear_bem.smooth.newton import SETTLED, Nodes, Rule, SmoothSolution, stalled
 from linear_bem.smooth.own_equations import RENEWED, OwnEquations
 from linear_bem.smooth.polynomials import basis
 from linear_bem.smooth.zone import Zone
 
 SLOW, DEPTH = 0.2, 10
 """Ratio of successive changes above which sweeps are accelerated, and number of past sweeps that are combined."""
-SETTLED = 1e-3
-"""Relative change of P below which a ball keeps its frame."""
 HOPELESS, PATIENCE = 0.03, 10
 """Sweeps stop if their change stays above the first number and is not halved by the second number of further sweeps:
 at that rate they would not converge within any limit."""

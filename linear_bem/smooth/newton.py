@@ -33,6 +33,8 @@ DIVERGED = 1e6
 """Relative step of the coefficients, or growth of the approaches, that counts as divergence."""
 STALLED, LIMIT = 1e-3, 25
 """Largest last change of an unconverged state that may start the next degree; largest number of steps."""
+SETTLED = 1e-3
+"""Relative change of P up to which its frame, and the matrix of Newton's method with few balls, are kept."""
 
 
 @dataclass(frozen=True)
@@ -135,22 +137,25 @@ class SmoothSolution:
     residual: float
 
 
-def own_displacement(kernel: LayeredKernel, n: Nodes, rule: Rule) -> tuple[Array, Array]:
+def own_displacement(kernel: LayeredKernel, n: Nodes, rule: Rule, renew: bool = True) -> tuple[Array, Array]:
     """Return every zone's own displacement [m] at its nodes, and its derivative by the coefficients.
 
-    Shapes (zones, nodes) and (zones, nodes, terms).
+    Shapes (zones, nodes) and (zones, nodes, terms); without ``renew`` the latter has no terms.
     """
-    w, derivative = n.zone.half_space(n.xi, n.eta, rule.directions, rule.along)
+    w, derivative = n.zone.half_space(n.xi, n.eta, rule.directions, rule.along, renew)
     if kernel.homogeneous:
         return w, derivative
     r = hypotenuse(n.x[:, :, None] - n.x[:, None, :], n.y[:, :, None] - n.y[:, None, :])
     smooth = kernel.smooth(r) * n.weights[:, None, :]
-    return w + (smooth @ n.pressure[..., None])[..., 0], derivative + smooth @ n.variations
+    return w + (smooth @ n.pressure[..., None])[..., 0], derivative + smooth @ n.variations[..., : derivative.shape[-1]]
 
 
-def _displacements(kernel: LayeredKernel, n: Nodes, rule: Rule) -> tuple[Array, Array]:
-    """Return K p at every zone's nodes, and its derivatives by the coefficients, (zones, zones, nodes, terms)."""
-    total, own = own_displacement(kernel, n, rule)
+def _displacements(kernel: LayeredKernel, n: Nodes, rule: Rule, renew: bool) -> tuple[Array, Array]:
+    """Return K p at every zone's nodes, and its derivatives by the coefficients, (zones, zones, nodes, terms).
+
+    Without ``renew`` the derivatives have no terms.
+    """
+    total, own = own_displacement(kernel, n, rule, renew)
     count = len(n)
     derivative = np.empty((count, count, *own.shape[1:]))
     derivative[np.arange(count), np.arange(count)] = own
@@ -159,7 +164,7 @@ def _displacements(kernel: LayeredKernel, n: Nodes, rule: Rule) -> tuple[Array, 
         for a, b, influence in ((i, j, block), (j, i, block.T)):
             weighted = influence * n.weights[b]
             total[a] += weighted @ n.pressure[b]
-            derivative[a, b] = weighted @ n.variations[b]
+            derivative[a, b] = weighted @ n.variations[b][:, : own.shape[-1]]
     return total, derivative
 
 
@@ -185,6 +190,7 @@ def solve_zones(
     first = float(np.max(np.abs(approaches)))
     step = np.inf
     history: list[float] = []
+    blocks: Array | None = None
     for iteration in range(LIMIT):
         rule = Rule.of(zones, kernel.thickness)
         nodes = Nodes.of(zones, rule)
@@ -192,13 +198,15 @@ def solve_zones(
         if step < tolerance or stalled(history) or (iteration == LIMIT - 1 and step < STALLED):
             return SmoothSolution(nodes, approaches, iteration, step)
         with np.errstate(all="ignore"):  # a diverging iteration may overflow before the loop ends
-            delta, change = _newton_step(kernel, shapes, nodes, approaches, groups, rule)
+            delta, change, blocks = _newton_step(kernel, shapes, nodes, approaches, groups, rule, blocks)
         if not np.all(np.isfinite(delta)):
             break
         step = float(np.max(np.max(np.abs(delta), axis=1) / np.max(np.abs(zones.coefficients), axis=1)))
         length = min(1.0, 0.6 / step)
         approaches = approaches + length * change
-        zones = replace(zones, coefficients=zones.coefficients + length * delta).reframed(zones.degree)
+        zones = replace(zones, coefficients=zones.coefficients + length * delta)
+        if step > SETTLED:
+            zones, blocks = zones.reframed(zones.degree), None
         if not max(step, float(np.max(np.abs(approaches))) / first) < DIVERGED:
             break
     raise NotConverged(
@@ -224,14 +232,24 @@ def solve_scaled(matrix: Array, right: Array, size: Array) -> Array:
 
 
 def _newton_step(
-    kernel: LayeredKernel, shapes: list[Height], nodes: Nodes, approaches: Array, groups: Groups, rule: Rule
-) -> tuple[Array, Array]:
-    """Return the changes of all coefficients, shape (zones, terms), and of all approaches."""
-    potential, derivative = _displacements(kernel, nodes, rule)
+    kernel: LayeredKernel,
+    shapes: list[Height],
+    nodes: Nodes,
+    approaches: Array,
+    groups: Groups,
+    rule: Rule,
+    blocks: Array | None,
+) -> tuple[Array, Array, Array]:
+    """Return the changes of all coefficients, shape (zones, terms), and of all approaches, and the matrix in blocks.
+
+    ``blocks`` are those of an earlier step in the same frames, which cost half of a step; None where there are none.
+    """
+    potential, derivative = _displacements(kernel, nodes, rule, blocks is None)
     tests = nodes.tests
     heights = np.array([f(x, y) for f, x, y in zip(shapes, nodes.x, nodes.y, strict=True)])
     right = -np.einsum("ntk,nk->nt", tests, potential - approaches[:, None] + heights)
-    return solve_grouped(tests[:, None] @ derivative, right, tests.sum(axis=2), nodes.forces, groups)
+    blocks = tests[:, None] @ derivative if blocks is None else blocks
+    return *solve_grouped(blocks, right, tests.sum(axis=2), nodes.forces, groups), blocks
 
 
 def solve_grouped(blocks: Array, right: Array, totals: Array, forces: Array, groups: Groups) -> tuple[Array, Array]:

@@ -4,6 +4,8 @@ import pytest
 import linear_bem.grid.contacts
 from linear_bem import Ball, Elastic, Layer, Load, Periodic, Problem, solve, solve_contact
 from linear_bem.grid.contacts import GridContacts
+from linear_bem.smooth import newton
+from linear_bem.smooth.zone import Zone
 
 CASES = {
     "paper": (Layer(1.0, 0.48, 1.16), Elastic(1e3, 0.3), 2.66666e-3, 2.0),
@@ -44,6 +46,33 @@ def test_near_a_change_of_sign_a_note_states_the_error_relative_to_t_itself():
     assert f"{max(b.tangential_force_error for b in result.balls):.1e} N" in notes[0]
     # the requested accuracy relative to T itself is reached
     assert not solve(problem, 1e-2).solved.notes
+
+
+@pytest.mark.parametrize("kind", ["approach", "force"])
+def test_small_newton_steps_keep_their_matrix_and_give_the_same_digits(kind, monkeypatch):
+    renewed, half_space = [], Zone.half_space
+
+    def noted(zone, xi, eta, directions, along, derivative=True):
+        renewed.append(derivative)
+        return half_space(zone, xi, eta, directions, along, derivative)
+
+    monkeypatch.setattr(Zone, "half_space", noted)
+    balls = (Ball((-0.8, 0.0), 0.6), Ball((1.0, 0.2), 1.0))
+    problem = Problem(Layer(1.0, 0.48, 1.16), balls, Load(kind, (0.05, 0.12)), Elastic(1e3, 0.3))
+    quick = solve_contact(problem, 1e-4)
+    kept, renewed[:] = renewed[:], []
+    monkeypatch.setattr(newton, "SETTLED", 0.0)
+    full = solve_contact(problem, 1e-4)
+    assert all(renewed)
+    assert len(kept) == len(renewed)
+    assert sum(kept) < 0.75 * len(kept)
+    size, error = full.contacts.normal_forces, full.tangential_force_error
+    assert np.all(np.abs(quick.contacts.mutual_force - full.contacts.mutual_force) <= 0.01 * error[:, None])
+    assert quick.tangential_force_error == pytest.approx(error, rel=0.05)
+    assert quick.contacts.normal_forces == pytest.approx(size, rel=1e-9)
+    assert quick.contacts.approaches == pytest.approx(full.contacts.approaches, rel=1e-9)
+    for name, errors in full.errors.items():
+        assert quick.errors[name] == pytest.approx(errors, rel=0.05, abs=1e-12)
 
 
 def test_more_accuracy_takes_more_unknowns():
