@@ -10,12 +10,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from linear_bem.errors import ThirdBodyError
 from linear_bem.indenter import Paraboloid, Sphere
 from linear_bem.problem import Elastic, Load, Problem
 from linear_bem.result import Result
 from runs.comparison.strengthening_fit import FITTED_LAW, fit_error, outside, strengthening_at_force
 from runs.display.numbers import number, percent
+from runs.look_ahead import offsets_from
 from runs.models import MODELS, USUAL, Run
 
 SHARE = 0.05
@@ -64,8 +67,7 @@ class Adviser:
         sizes = [math.hypot(*ball.tangential_force) for ball in ahead.balls]
         self.ball = sizes.index(max(sizes))
         self.size = sizes[self.ball]
-        place = problem.balls[self.ball].position
-        self.away = [math.dist(place, ball.position) for ball in problem.balls]
+        self.away = np.hypot(*offsets_from(problem.positions[self.ball], problem).T).tolist()
         self.run = Run(max(SHARE * self.accuracy, 1e-4))
         self.is_known = ahead.balls[self.ball].tangential_force_error <= (self.run.tangential_force or 0.0) * self.size
         self.spent = 0.0 if self.is_known else FINER * ahead.solved.seconds  # of the state that changes refer to

@@ -20,7 +20,7 @@ from runs.comparison.linear_states import accuracy_beside
 from runs.display import tables
 from runs.display.numbers import Scale, attraction, bodies, leading_ball, number, toward_others
 from runs.display.plan_words import domain, memory_words, name, word
-from runs.look_ahead import ABOUT, CLOSE, FEW, ROUGH, ahead_of, closest, measured, memory, unknowns_of
+from runs.look_ahead import ABOUT, CLOSE, FEW, ROUGH, ahead_of, closest, measured, memory, out_of_cell, unknowns_of
 from runs.models import LINEAR_SECONDS, MODELS, USUAL, Model, as_command, choose, load_path, standing
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
@@ -59,7 +59,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool 
 
         evolution = expectation(scene, model, problem, seconds)
         # advice is about few balls, without the cell
-        seconds, part = evolution["seconds"], dataclasses.replace(part, periodic=None)
+        seconds, part = evolution["seconds"], out_of_cell(part, ahead)
     else:
         plans = _model_plans(scene, model, problem, ahead, seconds, alone=asked is not None)
     scale = Scale.of(problem, scene.data)
@@ -88,7 +88,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool 
     if as_json:
         sys.stdout.write(to_json(document))
     else:
-        _show(document, scale, scene)
+        _show(document, scale, scene, whole)
 
 
 def _advice(
@@ -188,7 +188,7 @@ def _doubts(problem: Problem) -> list[str]:
     return [f"{law.name}: {text}" for text in law.doubts(problem.layer.poisson)] if isinstance(law, Law) else []
 
 
-def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
+def _show(document: Mapping[str, Any], scale: Scale, scene: Scene, problem: Problem) -> None:
     out = tables.console()
     say = partial(tables.say, out)
     say(document["title"], style="bold")
@@ -224,7 +224,7 @@ def _show(document: Mapping[str, Any], scale: Scale, scene: Scene) -> None:
     _advise(say, document["advice"], scene.tangential_force)
     found = document["sensitivity"]
     if found is not None:
-        tables.show_words(out, sensitivity.TITLE, sensitivity.rows(found, scene.problem, scale))
+        tables.show_words(out, sensitivity.TITLE, sensitivity.rows(found, problem, scale))
         say(sensitivity.check(found))
 
 

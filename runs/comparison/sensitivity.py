@@ -24,6 +24,7 @@ from linear_bem.indenter import Indenter
 from linear_bem.nearby import nearby_forces
 from linear_bem.problem import Problem
 from linear_bem.solution import Solution
+from linear_bem.touching import wrapped
 from runs.comparison.strengthening_factors import ROUNDOFF
 from runs.display.numbers import Scale, leading_ball, number, percent
 from runs.models import MODELS, Run, without
@@ -210,7 +211,8 @@ def _row(name: str, value: str, step: str, slope: float, unit: str, known: float
 
 def _value(symbol: str, problem: Problem, scale: Scale) -> str:
     units, layer, substrate = scale.units, problem.layer, problem.substrate
-    apart, _ = cKDTree(problem.positions).query(problem.positions, 2)  # inf for a single ball
+    places = wrapped(problem.positions, problem.cell)
+    apart, _ = cKDTree(places, boxsize=problem.cell).query(places, 2)  # inf for a single ball
     unit, values = {
         "h": (units.length, [layer.thickness]),
         "R": (units.length, [ball.radius for ball in problem.balls]),

@@ -9,9 +9,12 @@ import pytest
 import finite_strain
 from linear_bem import UnsupportedProblem, solve
 from linear_bem.problem import Periodic
+from runs.advice import Adviser
+from runs.commands import plan
 from runs.commands.compare import compare_scene
 from runs.commands.solve import solve_scene
 from runs.comparison import sensitivity
+from runs.display.numbers import Scale
 from runs.models import MODELS, choose
 from runs.scene.scene_file import InvalidScene, read_scene
 from runs.session.session import Options
@@ -129,3 +132,23 @@ def test_lengths_of_a_cell_are_reported_in_the_scenes_unit(
     fault = caught.value.faults[0]
     assert says[bool(more) and len(says) > 1] in fault
     assert " m;" not in fault
+
+
+def test_advice_in_a_cell_is_about_the_nearest_images(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    across = SCENE.replace("[[0.0, 0.0], [2.1, 0.3]]", "[[0.5, 0.5], [10.2, 0.5]]")
+    cell = choose(read_scene(written(tmp_path, f"{across}[periodic]\nlengths = [12.0, 12.0]\n")))[1]
+    ahead = solve(dataclasses.replace(cell, periodic=None), 1e-2)
+    assert Adviser(cell, ahead, None, ("periodic",)).away == pytest.approx([0.0, 2.3])
+    inputs = {"ball": 0, "exponents": {"L": -2.0}, "poisson": (0.4, 0.41), "change": 0.1}
+    assert sensitivity.rows(inputs, cell, Scale.of(cell))[-1]["value"] == "2.3 R"
+    parts = []
+    monkeypatch.setattr(plan, "ahead_of", lambda whole, _: (whole, range(2), ahead, 1.0))
+    monkeypatch.setattr(plan, "_advice", lambda *given: parts.append(given[2]) or ([], inputs, []))
+    text = across.partition("[accuracy]")[0] + f"[periodic]\nlengths = [12.0, 12.0]\n{SLIDING}"
+    plan.plan_scene(read_scene(written(tmp_path, text)), None, as_json=False)
+    assert "2.3 R" in capsys.readouterr().out
+    (alone,) = parts  # a drift's advice is about its balls without the cell
+    assert alone.periodic is None
+    assert alone.positions[1] == pytest.approx([-1.8, 0.5])
