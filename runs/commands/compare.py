@@ -8,7 +8,14 @@ from runs.comparison.linear_states import LinearStates
 from runs.comparison.strengthening_factors import answer, compare_steps, last_row, of_ball
 from runs.display import figures, tables
 from runs.display.numbers import leading_ball
-from runs.display.rows import LEGEND, OF_VECTORS, compared_ball_rows, comparison_rows, may_turn
+from runs.display.rows import (
+    OF_VECTORS,
+    compared_ball_rows,
+    compared_line,
+    comparison_rows,
+    legend_of_line,
+    may_turn,
+)
 from runs.process import ranks
 from runs.process.files import write_csv
 from runs.process.json_values import Document, as_given
@@ -90,10 +97,11 @@ def _show(session: Session, document: Document) -> None:
     if are_vectors:
         tables.show_compared_balls(out, of_balls, session.scale)
     if len(balls) > 1:
+        _, kind = compared_line([row for row in rows if row["ball"] == leading], balls, leading)
         mark = "digits in parentheses" if tables.is_narrow(out) else "\u00b1"
         tables.say(
             out,
-            f"{LEGEND}",
+            legend_of_line(balls, kind, "T linear"),
             session.scale.legend(),
             "S_Q, S_D: T finite over T linear at the same normal force (the T linear shown) and at the same approach"
             f"{OF_VECTORS if are_vectors else ''}; "

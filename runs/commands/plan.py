@@ -18,7 +18,7 @@ from runs.advice import PATIENCE, Advice, Adviser
 from runs.comparison import sensitivity
 from runs.comparison.linear_states import accuracy_beside
 from runs.display import tables
-from runs.display.numbers import Scale, attraction, bodies, leading_ball, number, toward_others
+from runs.display.numbers import Scale, attraction, bodies, leading_ball, line_of, number
 from runs.display.plan_words import domain, memory_words, name, word
 from runs.look_ahead import ABOUT, CLOSE, FEW, ROUGH, ahead_of, closest, measured, memory, out_of_cell, unknowns_of
 from runs.models import LINEAR_SECONDS, MODELS, USUAL, Model, as_command, choose, load_path, standing
@@ -241,15 +241,13 @@ def _look_ahead(say: Callable[..., None], balls: Sequence[Mapping[str, Any]], sc
 def _sense(scene: Scene, balls: Sequence[Mapping[str, Any]], ball: Mapping[str, Any]) -> str:
     """Return whether T pulls the ball towards the others or pushes it away, where that is more than its error.
 
-    In a cell, and for a ball in the middle of the others, there is no such direction.
+    In a cell, and for a ball in the middle of the others, there is no such direction; T may also be across it.
     """
     index = balls.index(ball)
-    if "periodic" in scene.effects or toward_others(balls, index) is None:
-        return ""
-    pull = attraction(balls, index, ball["tangential_force"])
-    if abs(pull) <= ball["tangential_force_error"]:
-        return ""
-    return ": attraction" if pull > 0.0 else ": separation"
+    force = ball["tangential_force"]
+    _, kind = line_of(balls, index, force, periodic="periodic" in scene.effects)
+    known = kind != "tangential" and abs(attraction(balls, index, force)) > ball["tangential_force_error"]
+    return f": {kind}" if known else ""
 
 
 def _advise(say: Callable[..., None], advice: Sequence[Mapping[str, Any]], accuracy: float | None) -> None:

@@ -4,8 +4,8 @@ from typing import Any
 
 from linear_bem.result import Result, Step
 from runs.display import figures, tables
-from runs.display.numbers import bodies, leading_ball
-from runs.display.rows import legend_of_balls, path_rows
+from runs.display.numbers import bodies, leading_ball, line_of
+from runs.display.rows import legend_of_balls, legend_of_line, path_rows
 from runs.process.json_values import Document, as_given
 from runs.scene.scene_file import Scene
 from runs.session.session import Options, Session, conduct
@@ -29,7 +29,8 @@ def _compute(session: Session) -> Document | None:
     document = result.to_dict(scene)
     session.save(document, _rows(result))
     if result.steps:
-        figures.draw_path(session.out, document["steps"], session.scale, session.model.name)
+        periodic = session.problem.periodic is not None
+        figures.draw_path(session.out, document["steps"], session.scale, session.model.name, periodic=periodic)
     figures.draw_surface(session.out, session.problem, document["balls"], session.scale)
     if session.solutions and session.problem.size <= DRAWN and session.problem.periodic is None:
         figures.draw_contacts(session.out, session.solutions[-1], document["balls"], session.scale)
@@ -58,7 +59,11 @@ def _show(session: Session, document: Document) -> None:
     tables.say(out, f"shape: {bodies(session.problem, session.scale)}", session.scale.legend())
     if len(steps) > 1:
         leading = leading_ball(balls)
-        tables.show(out, f"load path of ball {leading}", path_rows(steps, leading, session.scale), session.scale)
+        path = path_rows(steps, leading, session.scale, periodic=periodic)
+        tables.show(out, f"load path of ball {leading}", path, session.scale)
+        _, kind = line_of(balls, leading, balls[leading]["tangential_force"], periodic=periodic)
+        if periodic or len(balls) > 2:
+            tables.say(out, legend_of_line(balls, kind))
     if not periodic:
         tables.say(out, *legend_of_balls(balls, session.scale))
     tables.say(

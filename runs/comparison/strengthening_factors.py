@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from runs.display.numbers import Scale, attraction, leading_ball, number, toward_others, with_error
+from runs.display.numbers import Scale, attraction, leading_ball, line_of, number, with_error
 
 BELOW_ERROR = "the linear tangential force is below its own error: no ratio"
 ROUNDOFF = 1e-9
@@ -125,7 +125,7 @@ def answer(rows: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]]
     over = "" if scale.dimensionless else f"{number(depth / scale.radius, 3)} R, "
     state = f"At D = {scale.units.length(depth, 3)} ({over}Q = {load})"
     ratio, error = row["strengthening_at_force"], row["strengthening_at_force_error"]
-    kind = _kind(balls, row["ball"], row["tangential_linear"])
+    _, kind = line_of(balls, row["ball"], row["tangential_linear"])
     if ratio + error < 0.0:
         opposite = {"attraction": "separation", "separation": "attraction"}.get(kind, "opposite")
         text = (
@@ -141,9 +141,3 @@ def answer(rows: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]]
         ratio, error = row["strengthening_at_approach"], row["strengthening_at_approach_error"]
         text += f" and {with_error(ratio, error)} times at equal approach"
     return f"{text}."
-
-
-def _kind(balls: Sequence[Mapping[str, Any]], ball: int, force: Sequence[float]) -> str:
-    if toward_others(balls, ball) is None:
-        return "tangential"
-    return "attraction" if attraction(balls, ball, force) > 0.0 else "separation"

@@ -15,7 +15,8 @@ from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.solution import Solution
 from runs.display import surface
 from runs.display.contact_patch import Patch, contact_patch, patch_within
-from runs.display.numbers import Scale, attraction, leading_ball
+from runs.display.numbers import Scale, leading_ball, line_of
+from runs.display.rows import LEGEND, compared_line, legend_of_line
 from runs.display.style import BLUE, GREEN, ORANGE, blank, dark_on_white, look, save_figure
 
 LINEAR, FINITE, APPROACH = BLUE, ORANGE, GREEN
@@ -39,6 +40,7 @@ def draw_comparison(
     """
     ball = leading_ball(balls)
     path = [row for row in rows if row["ball"] == ball]
+    along, kind = compared_line(path, balls, ball)
     figure = blank(9.6, 4.0)
     forces, factors = figure.subplots(1, 2)
     unit = scale.units.force.size
@@ -46,10 +48,10 @@ def draw_comparison(
     for model, label, color, marker in (
         ("linear", "linear (small strain)", LINEAR, "s"), ("finite", "finite strain", FINITE, "o"),
     ):  # fmt: skip
-        force = [attraction(balls, ball, vector) / unit for vector in _column(path, f"tangential_{model}")]
+        force = _column(path, f"tangential_{model}") @ along / unit
         error = _column(path, f"tangential_{model}_error") / unit
         forces.errorbar(load, force, error, color=color, marker=marker, label=label, **BARS)
-    _label_forces(forces, scale)
+    _label_forces(forces, scale, legend_of_line(balls, kind, "T linear"))
     length = scale.units.length
     depth = _column(path, "approach") / length.size
     beside = 0.006 * depth.max()  # the two curves often coincide: separate their error bars
@@ -77,17 +79,21 @@ def draw_comparison(
 
 
 @look()
-def draw_path(folder: Path, steps: Sequence[Mapping[str, Any]], scale: Scale, model: str) -> None:
+def draw_path(
+    folder: Path, steps: Sequence[Mapping[str, Any]], scale: Scale, model: str, *, periodic: bool = False
+) -> None:
     """Write tangential_force.png and .svg: T(Q) of one model."""
-    ball = leading_ball(steps[-1]["balls"])
+    last = steps[-1]["balls"]
+    ball = leading_ball(last)
+    along, kind = line_of(last, ball, last[ball]["tangential_force"], periodic=periodic)
     states = [step["balls"][ball] for step in steps]
     figure = blank(4.8, 4.0)
     forces = figure.subplots()
     unit = scale.units.force.size
-    force = [attraction(steps[-1]["balls"], ball, state["tangential_force"]) / unit for state in states]
+    force = _column(states, "tangential_force") @ along / unit
     error, load = (_column(states, key) / unit for key in ("tangential_force_error", "normal_force"))
     forces.errorbar(load, force, error, color=FINITE, marker="o", label=NAMES.get(model, model), **BARS)
-    _label_forces(forces, scale)
+    _label_forces(forces, scale, legend_of_line(last, kind))
     save_figure(figure, folder, "tangential_force")
 
 
@@ -250,13 +256,13 @@ def _window(balls: Sequence[Mapping[str, Any]], scale: Scale) -> tuple[tuple[flo
     return sides[0], sides[1]
 
 
-def _label_forces(axes: Any, scale: Scale) -> None:
+def _label_forces(axes: Any, scale: Scale, legend: str) -> None:
     axes.axhline(0.0, color="0.5", lw=0.8, zorder=0)
     axes.set_xlabel(scale.units.force.heading("normal force $Q$"))
     axes.set_ylabel(scale.units.force.heading("tangential force $T$"))
     axes.set_xlim(left=0.0)
     axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
-    axes.set_title("T > 0: attraction, T < 0: separation")
+    axes.set_title("T > 0: attraction, T < 0: separation" if LEGEND in legend else legend)
     axes.legend()
 
 

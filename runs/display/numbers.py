@@ -123,6 +123,28 @@ def attraction(balls: Sequence[Mapping[str, Any]], index: int, force: Vector) ->
     return math.hypot(*force) if direction is None else direction[0] * force[0] + direction[1] * force[1]
 
 
+ACROSS = 0.5
+"""Share of |T| along the line to the other balls below which T is neither attraction nor separation."""
+
+
+def line_of(
+    balls: Sequence[Mapping[str, Any]], index: int, force: Vector, *, periodic: bool = False
+) -> tuple[Vector, str]:
+    """Return the unit vector along which T on a ball is shown, and what it is: attraction, separation or tangential.
+
+    The vector points from one of two balls to the other. Of more balls it is along ``force``, or against it for
+    separation. In a ``periodic`` cell it is along ``force``.
+    """
+    size, toward = math.hypot(*force), None if periodic else toward_others(balls, index)
+    if not size > 0.0:
+        return toward or (1.0, 0.0), "tangential"
+    pull = 0.0 if toward is None else (toward[0] * force[0] + toward[1] * force[1]) / size
+    if toward is None or abs(pull) < ACROSS:
+        return (force[0] / size, force[1] / size), "tangential"
+    sign, kind = (1.0, "attraction") if pull > 0.0 else (-1.0, "separation")
+    return toward if len(balls) == 2 else (sign * force[0] / size, sign * force[1] / size), kind
+
+
 def with_error(value: float | None, error: float | None) -> str:
     """Return "1.42 +- 0.03": the error to at most two significant digits, the value to the same decimal place."""
     parts = _to_the_place_of_the_error(value, error)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from runs.display.numbers import Scale, attraction
+from runs.display.numbers import Scale, Vector, attraction, line_of
 
 Row = dict[str, Any]
 """Cells by the headings of their columns."""
@@ -60,12 +60,22 @@ def legend_of_balls(balls: Sequence[Mapping[str, Any]], scale: Scale) -> list[st
     return [LEGEND + COMPONENTS, OF_SEVERAL, f"largest |T|: {named}"]
 
 
-def path_rows(steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale) -> list[Row]:
-    """Return the load path of one ball."""
-    rows, unit = [], scale.units.force
+def legend_of_line(balls: Sequence[Mapping[str, Any]], kind: str, along: str = "T") -> str:
+    """Return the sign convention of T over a load path; ``kind`` is that of the `line_of` the force ``along``."""
+    part = f"T: the part along {along} at full load"
+    if kind == "tangential" and len(balls) > 1:
+        return part
+    return LEGEND if len(balls) < 3 else f"{LEGEND}; {part}"
+
+
+def path_rows(steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale, *, periodic: bool = False) -> list[Row]:
+    """Return the load path of one ball; T is the part along the `line_of` T at full load."""
+    rows, unit, last = [], scale.units.force, steps[-1]["balls"]
+    (x, y), _ = line_of(last, ball, last[ball]["tangential_force"], periodic=periodic)
     for index, step in enumerate(steps, start=1):
         state, record = step["balls"][ball], step.get("record", {})
-        load, force = state["normal_force"], attraction(step["balls"], ball, state["tangential_force"])
+        load, (tx, ty) = state["normal_force"], state["tangential_force"]
+        force = x * tx + y * ty
         rows.append(
             {
                 "step": index,
@@ -83,29 +93,39 @@ def comparison_rows(
     compared: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]], ball: int, scale: Scale
 ) -> list[Row]:
     """Return the load path of one ball in both models, with the strengthening factors of T."""
-    unit = scale.units.force
+    unit, path = scale.units.force, [row for row in compared if row["ball"] == ball]
+    (x, y), _ = compared_line(path, balls, ball)
 
     def along(force: Sequence[float | None] | None) -> float | None:
-        if force is None or any(component is None or math.isnan(component) for component in force):
-            return None
-        return attraction(balls, ball, [float(component or 0.0) for component in force]) / unit.size
+        tx, ty = _components(force)
+        return None if math.isnan(tx + ty) else x * tx + y * ty
+
+    def over(value: float | None, size: float) -> float | None:
+        return value / size if value is not None and size > 0.0 else None
 
     return [
         {
             "step": row["step"],
             **_load(row["approach"], row["normal_force"], scale, both=False),
-            unit.heading("T linear"): along(row["tangential_linear"]),
+            unit.heading("T linear"): over(along(row["tangential_linear"]), unit.size),
             unit.heading("T finite"): (
-                along(row["tangential_finite"]),
-                None if (error := row["tangential_finite_error"]) is None else error / unit.size,
+                over(along(row["tangential_finite"]), unit.size),
+                over(row["tangential_finite_error"], unit.size),
             ),
-            RATIO: row["tangential_ratio"],
+            RATIO: over(along(row["tangential_finite"]), row["normal_force"]),
             "S_Q": (row["strengthening_at_force"], row["strengthening_at_force_error"]),
             "S_D": (row["strengthening_at_approach"], row["strengthening_at_approach_error"]),
         }
-        for row in compared
-        if row["ball"] == ball
+        for row in path
     ]
+
+
+def compared_line(
+    path: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]], ball: int
+) -> tuple[Vector, str]:
+    """Return the `line_of` the last known T linear of a ball's rows, of T finite if none is known."""
+    linear = [force for row in path if not math.isnan(sum(force := _components(row["tangential_linear"])))]
+    return line_of(balls, ball, [balls[ball]["tangential_force"], *linear][-1])
 
 
 def compared_ball_rows(compared: Sequence[Mapping[str, Any]], scale: Scale) -> list[Row]:

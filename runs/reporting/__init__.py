@@ -5,7 +5,6 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from runs.display.rows import LEGEND
 from runs.process import ranks
 from runs.process.files import write_text
 from runs.process.locks import RUNNING, STOPPED
@@ -62,7 +61,7 @@ def page_of(folder: Folder) -> str:
     return render(
         title=title, kind=KINDS.get(folder.command, folder.command), unfinished=unfinished,
         study=study, run=run, pictures=[figure(path, n) for n, path in enumerate(pictures, start=len(shown) + 1)],
-        signs=LEGEND, repeat=folder.repeat(), scene=folder.scene_text, log=folder.log,
+        repeat=folder.repeat(), scene=folder.scene_text, log=folder.log,
         style=STYLE.read_text(encoding="utf-8"), version=importlib.metadata.version("thirdbody"),
     )  # fmt: skip
 

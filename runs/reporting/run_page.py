@@ -7,8 +7,16 @@ from typing import Any
 
 from linear_bem.counts import grouped
 from runs.comparison import sensitivity
-from runs.display.numbers import Scale, attraction, duration, error_terms, leading_ball, number, with_error
-from runs.display.rows import RATIO, SIZE_RATIO, ball_rows, comparison_rows, path_rows
+from runs.display.numbers import Scale, duration, error_terms, leading_ball, line_of, number, with_error
+from runs.display.rows import (
+    RATIO,
+    SIZE_RATIO,
+    ball_rows,
+    compared_line,
+    comparison_rows,
+    legend_of_line,
+    path_rows,
+)
 from runs.display.tables import mesh_words
 from runs.process.json_values import Document
 from runs.reporting.folder import Folder
@@ -66,7 +74,10 @@ def _solution(folder: Folder, document: Mapping[str, Any]) -> Document:
     periodic = "periodic" in (document.get("scene") or {})
     found = _common(balls, leading, document["solved"], scale, {}, periodic=periodic)
     heads = unit.heading("Tx"), unit.heading("Ty")
-    found["path"] = path_rows(document["steps"], leading, scale) if len(document["steps"]) > 1 else []
+    steps = document["steps"]
+    found["path"] = path_rows(steps, leading, scale, periodic=periodic) if len(steps) > 1 else []
+    _, kind = line_of(balls, leading, balls[leading]["tangential_force"], periodic=periodic)
+    found["signs"] = legend_of_line(balls, kind)
     found["routes"] = [
         {"route": name.replace("_", " "), **{h: v / unit.size for h, v in zip(heads, route, strict=True)}}
         for name, route in (balls[leading].get("tangential_force_routes") or {}).items()
@@ -89,6 +100,7 @@ def _comparison(folder: Folder, document: Mapping[str, Any]) -> Document:
     found["notes"] = list(dict.fromkeys([*found["notes"], *document["linear"]["solved"]["notes"]]))
     found["answer"] = document["answer"]
     found["compared"] = comparison_rows(document["comparison"], finite["balls"], ball, scale)
+    found["signs"] = legend_of_line(finite["balls"], compared_line(rows, finite["balls"], ball)[1], "T linear")
     return found | _sensitivity(folder, document, scale)
 
 
@@ -132,9 +144,10 @@ def _state(
     balls: Sequence[Mapping[str, Any]], index: int, scale: Scale, solved: Mapping[str, Any], *, periodic: bool = False
 ) -> dict[str, str]:
     ball, units = balls[index], scale.units
-    load, force = ball["normal_force"], attraction(balls, index, ball["tangential_force"])
-    if periodic:  # the other balls are on all sides
-        force = math.hypot(*ball["tangential_force"])
+    load, (x, y) = ball["normal_force"], ball["tangential_force"]
+    line, kind = line_of(balls, index, (x, y), periodic=periodic)
+    sized = kind == "tangential" or len(balls) > 2  # no line to the others, or T need not be along it
+    force = math.hypot(x, y) if sized else line[0] * x + line[1] * y
     error, unit = ball["tangential_force_error"], units.force
     shown = {
         "ball": f"{index} (the largest T)" if len(balls) > 2 else str(index),
@@ -146,10 +159,10 @@ def _state(
     if ball["contact_area"] is not None:  # models without pressures do not compute it
         shown["contact radius"] = units.length(math.sqrt(ball["contact_area"] / math.pi), 3)
     if len(balls) > 1:
-        symbol = "|T|" if periodic else "T (attraction)" if force > 0.0 else "T (separation)"
+        symbol = ("|T|" if sized else "T") + ("" if kind == "tangential" else f" ({kind})")
         shown |= {
             f"tangential force {symbol}": f"{with_error(force / unit.size, error / unit.size)} {unit.name}",
-            SIZE_RATIO if periodic else RATIO: number(force / load, 3) if load > 0.0 else "-",
+            SIZE_RATIO if sized else RATIO: number(force / load, 3) if load > 0.0 else "-",
         }
         known = (solved.get("accuracy") or {}).get("reached")
         if known is not None:  # of all balls, like the required accuracy

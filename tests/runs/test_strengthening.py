@@ -9,8 +9,16 @@ import pytest
 
 from runs.comparison.linear_states import accuracy_beside
 from runs.comparison.strengthening_factors import answer, compare_steps, strengthening
-from runs.display.numbers import Scale, attraction, percent, short_number, with_error, with_error_in_parentheses
-from runs.display.rows import compared_ball_rows, may_turn
+from runs.display.numbers import (
+    Scale,
+    attraction,
+    line_of,
+    percent,
+    short_number,
+    with_error,
+    with_error_in_parentheses,
+)
+from runs.display.rows import compared_ball_rows, comparison_rows, may_turn
 
 SCALE = Scale(1.0, 1.0)
 
@@ -131,6 +139,22 @@ def test_the_sentence_names_separation_and_attraction() -> None:
 def test_the_sentence_names_a_reversal() -> None:
     text = sentence(pair(3e-3, 6e-5), pair(-2e-3))
     assert "turns the linear separation force into attraction, 1.50 ± 0.03 times as large" in text
+
+
+def test_a_force_across_the_line_to_the_others_is_neither_attraction_nor_separation() -> None:
+    beside, far = (ball(x, (0.0, -2e-3 * x)) for x in (1.0, 0.1))
+    balls = [ball(-1.0, (1e-5, 2e-3)), {**beside, "position": [-1.0, 2.0]}, {**far, "position": [9.0, -2.0]}]
+    linear = step(*balls)
+    finite = step(*({**b, "tangential_force": [1.5 * v for v in b["tangential_force"]]} for b in balls))
+    assert line_of(balls, 0, (1e-5, 2e-3))[1] == "tangential"
+    rows = compare_steps([finite], [linear], [linear])
+    assert "makes the tangential force on ball 0 1.5 times" in answer(rows, finite["balls"], SCALE)
+    (shown,) = comparison_rows(rows, finite["balls"], 0, SCALE)
+    assert shown["T linear / E R\u00b2"] == pytest.approx(2e-3, rel=1e-4)
+    assert shown["T finite / E R\u00b2"][0] == pytest.approx(3e-3, rel=1e-4)
+    assert shown["T / Q"] == pytest.approx(3e-2, rel=1e-4)
+    direction, kind = line_of(balls, 0, (-2e-3, 0.0))
+    assert (direction, kind) == ((1.0, 0.0), "separation")  # shown as negative
 
 
 def test_the_sentence_speaks_of_the_ball_that_tables_and_figures_show() -> None:

@@ -13,14 +13,15 @@ from rich.console import Console
 from linear_bem import Ball, Load
 from linear_bem.result import BallResult, Result, Solved
 from runs.commands.plan import plan_scene
-from runs.display import plan_words, tables
+from runs.display import figures, plan_words, tables
 from runs.display.numbers import Scale, bodies
-from runs.display.rows import ball_rows, legend_of_balls
+from runs.display.rows import ball_rows, legend_of_balls, path_rows
 from runs.models import choose
 from runs.process import exit_codes
 from runs.process.exit_codes import run_to_end
 from runs.reporting import page_of
 from runs.reporting.folder import Folder
+from runs.reporting.run_page import _state
 from runs.scene import units
 from runs.scene.scene_file import InvalidScene, Scene, read_scene
 from runs.scene.units import Unit, Units
@@ -167,12 +168,32 @@ def test_in_a_periodic_cell_t_over_q_is_a_size(tmp_path: Path) -> None:
     assert "T / Q" not in left
 
 
+def test_a_load_path_in_a_cell_does_not_depend_on_which_images_give_the_positions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read, titles = scene(tmp_path), []
+    monkeypatch.setattr(figures, "save_figure", lambda figure, *_: titles.append(figure.axes[0].get_title("left")))
+    for x in (-4e-3, 20e-3):  # the first ball on either side of the second
+        found = [ball.to_dict() for ball in balls(read)]
+        found[0]["position"] = (x, 0.0)
+        steps = [{"balls": found}, {"balls": [ball | {"tangential_force": [2e-3, 0.0]} for ball in found]}]
+        rows = path_rows(steps, 0, Scale.of(read.problem, read.data), periodic=True)
+        assert [row["T / Q"] for row in rows] == pytest.approx([2e-3, 4e-3])
+        figures.draw_path(tmp_path, steps, Scale.of(read.problem, read.data), "linear_bem", periodic=True)
+    assert titles == ["T: the part along T at full load"] * 2
+
+
 def test_the_balls_with_the_largest_t_are_named_by_its_size_not_by_its_part_along_one_line(tmp_path: Path) -> None:
     text = SCENE.replace('["2.5 mm", "4 mm"]', '"2 mm"').replace('[["-4 mm", 0],', '[[0, "9 mm"], ["-4 mm", 0],')
     read = scene(tmp_path, text)
     scale, found = Scale.of(read.problem, read.data), [ball.to_dict() for ball in balls(read)]
     found[0]["tangential_force"] = [3e-3, 0.0]  # across the line to the others
     assert ball_rows(found, scale)[0]["T / Q"] == pytest.approx(0.0)
+    facts = _state(found, 0, scale, {})
+    assert facts["tangential force |T|"] == "3.0000 ± 0.0010 mN"  # neither attraction nor separation
+    assert facts["T known to"] == "0.033 %"
+    (row,) = path_rows([{"balls": found}], 0, scale)
+    assert row["T / Q"] == pytest.approx(6e-3)
     *_, meaning, largest = legend_of_balls(found, scale)
     assert "line to the centre of the other balls" in meaning
     assert largest.startswith("largest |T|: ball 0 (3 mN), ball 1 (1 mN)")
