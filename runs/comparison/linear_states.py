@@ -22,7 +22,10 @@ def accuracy_beside(tangential_force: float | None) -> float:
 
 
 class LinearStates:
-    """Linear states of a load path, each solved once; ``earlier`` is a saved comparison whose states are reused."""
+    """Linear states of a load path, each solved once; ``earlier`` is a saved comparison whose states are reused.
+
+    Reused states share one account of their solution.
+    """
 
     def __init__(self, problem: Problem, tangential_force: float | None, earlier: Mapping[str, Any]) -> None:
         self.problem = without(problem, ["finite_strain"])
@@ -31,9 +34,10 @@ class LinearStates:
         finite = earlier.get("finite", {}).get("steps", [])
         for key, kind, name in (("linear", "force", "normal_force"), ("linear_at_approach", "approach", "approach")):
             known = earlier.get(key, {}).get("steps", [])
+            account = Solved.from_dict({**earlier[key]["solved"], "converged": True}) if known else None
             for step, state in zip(finite, known, strict=False):
                 if "failure" not in state.get("record", {}):
-                    self._solved[kind, _values(step, name)] = (Step.from_dict(state), None)
+                    self._solved[kind, _values(step, name)] = (Step.from_dict(state), account)
 
     def at_force(self, steps: Sequence[Mapping[str, Any]]) -> Document:
         """Return the linear result at the normal forces of ``steps``, both as JSON objects."""
@@ -46,7 +50,7 @@ class LinearStates:
     def _along(self, kind: LoadKind, name: str, steps: Sequence[Mapping[str, Any]]) -> Result:
         found = [self._state(kind, _values(step, name)) for step in steps]
         states = tuple(state for state, _ in found)
-        accounts = [account for _, account in found if account is not None]
+        accounts = list({id(account): account for _, account in found if account is not None}.values())
         solved = Solved(
             all(a.converged for a in accounts) and not any("failure" in state.record for state in states),
             sum(a.iterations for a in accounts),

@@ -133,6 +133,8 @@ def test_a_killed_run_keeps_its_steps_and_the_same_command_continues_on_two_rank
 
 def assert_same(whole: dict[str, Any], expected: dict[str, Any]) -> None:
     assert whole["answer"] == expected["answer"]
+    for key in ("unknowns", "iterations", "notes"):  # of the states that were saved, too
+        assert whole["linear"]["solved"][key] == expected["linear"]["solved"][key], key
     assert [row["step"] for row in whole["comparison"]] == [row["step"] for row in expected["comparison"]]
     for row, reference in zip(whole["comparison"], expected["comparison"], strict=True):
         assert row["strengthening_at_force"] == pytest.approx(reference["strengthening_at_force"], rel=1e-12)
