@@ -48,7 +48,7 @@ class Folder:
         if self.command == "study":
             return launcher + command(self.identity["study"], bool(self.identity.get("quick")))
         words = ["thirdbody", self.command, str(self.path / "scene.toml")]
-        if self.command == "solve":
+        if self.command in ("solve", "evolve"):
             words += ["--model", str(self.identity.get("model"))]
         return launcher + " ".join(words) + " --out NEW_FOLDER"
 

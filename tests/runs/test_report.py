@@ -16,7 +16,7 @@ import pytest
 
 from linear_bem.errors import OutputUnusable
 from runs.reporting import page_of
-from runs.reporting.folder import read_folder
+from runs.reporting.folder import Folder, read_folder
 from runs.reporting.pictures import figure, said_of
 from runs.session.output_folder import MARK
 from tests.launch import ROOT, STAND_IN, headless_browser, thirdbody
@@ -291,3 +291,11 @@ def test_a_browser_shows_the_page_without_sideways_scrolling(
         assert found.hidden == 0, width
         assert len(found.pictures) == pictures
         assert min(found.pictures) > 100.0
+
+
+@pytest.mark.parametrize(
+    ("command", "model"), [("solve", " --model point_load"), ("evolve", " --model point_load"), ("compare", "")]
+)
+def test_the_command_that_reproduces_a_run_names_its_model(command: str, model: str) -> None:
+    folder = Folder(Path("out/x"), {"command": command, "model": "point_load"}, "finished", {}, "", "")
+    assert folder.repeat() == f"thirdbody {command} out/x/scene.toml{model} --out NEW_FOLDER"
