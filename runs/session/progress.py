@@ -37,6 +37,7 @@ def _setting(info: Mapping[str, Any]) -> str:
 class Progress:
     """Observer of a load path: all ranks call it; ``root`` prints and passes steps to ``take``.
 
+    ``goal``: the largest approach at full load [m], where approaches are given.
     ``expected``: planned seconds of the first two meshes. ``draw`` gets every step and its surface; where there is
     none, the surface is not gathered. As a context on a terminal it shows a bar with the time passed and left.
     """
@@ -169,7 +170,8 @@ class Progress:
         balls = [ball.to_dict() for ball in step.balls]
         leading = leading_ball(balls)
         ball = balls[leading]
-        share = f" ({100.0 * ball['approach'] / self.goal:.0f} %)" if self.goal else ""
+        deepest = max(each["approach"] for each in balls)
+        share = f" ({100.0 * deepest / self.goal:.0f} %)" if self.goal else ""
         words = [f"step {step.record.get('step', '')}".strip()]
         if self.scale.unlike or len(balls) > 2:
             words.append(f"ball {leading}")

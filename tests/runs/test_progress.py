@@ -47,6 +47,15 @@ def test_the_steps_of_three_balls_are_told_of_the_one_with_the_largest_force(
     assert "step 1   ball 0   D = 0.1 R (50 %)   Q = 0.2 E R\u00b2   T/Q = 0.005" in capsys.readouterr().err
 
 
+def test_the_share_of_the_load_is_that_of_the_deepest_ball(capsys: pytest.CaptureFixture[str]) -> None:
+    balls = [
+        BallResult((x, 0.0), 1.0, d, 0.2, (t, 0.0), 0.0, 1.0, 0.1) for x, d, t in ((-2.0, 0.1, 1e-3), (0.0, 0.2, -5e-4))
+    ]
+    progress = Progress(Scale(1.0, 1.0), 0.2, root=True, take=lambda _: None)
+    progress.step_done(Step(tuple(balls), {"step": 1}), lambda: None)
+    assert "D = 0.1 R (100 %)" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("root", [True, False])
 def test_a_surface_that_nobody_keeps_is_not_gathered(root: bool) -> None:
     gathered, kept = [], []
