@@ -90,9 +90,9 @@ class _Shown:
     def __init__(self, last: WrittenStep, options: RenderOptions) -> None:
         self.last, self.options = last, options
         self.coloring = COLORINGS[options.field]
-        values = self._values(last)
-        seen = Window.around(last).contains(last.points)
-        self.limits = self.coloring.limits(values[seen])
+        layer = last.of_layer  # the substrate is drawn grey
+        seen = Window.around(last).contains(last.points[layer])
+        self.limits = self.coloring.limits(self._values(last)[layer][seen])
 
     def _values(self, step: WrittenStep) -> NDArray[np.float64]:
         return self.coloring.number(step.fields[self.options.field])
@@ -104,7 +104,7 @@ class _Shown:
         camera = Camera.on(step, view, width / height)
         seen = 2.0 * camera.half_height * width / height
         deepest = max(step.balls, key=lambda ball: ball.approach)
-        over = f"{number(deepest.approach / deepest.radius, 3)} R"
+        over = f"{number(deepest.approach / step.balls[0].radius, 3)} R"
         factor, metre = prefixed("m", deepest.approach, step.dimensionless)
         own = "" if step.dimensionless else f"{number(factor * deepest.approach)} {metre} = "
         caption = f"step {step.number}:  D = {own}{over}"

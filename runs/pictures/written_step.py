@@ -49,13 +49,18 @@ class WrittenStep:
 
     @property
     def dimensionless(self) -> bool:
-        """Whether lengths are in units of the radius and stresses in units of the layer's modulus: both are 1."""
-        return self.young == 1.0 and all(ball.radius == 1.0 for ball in self.balls)
+        """Whether lengths are in units of ball 0's radius and stresses in units of the layer's modulus: both are 1."""
+        return self.young == self.balls[0].radius == 1.0
+
+    @property
+    def of_layer(self) -> NDArray[np.int64]:
+        """Numbers of the layer's points."""
+        return np.unique(self.cells[self.region == 1])
 
     @property
     def thickness(self) -> float:
         """Thickness of the undeformed layer [m]."""
-        return -float(self.points[np.unique(self.cells[self.region == 1]), 2].min())
+        return -float(self.points[self.of_layer, 2].min())
 
 
 def step_files(run: Path) -> dict[int, Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import shutil
 from pathlib import Path
@@ -13,10 +14,11 @@ from PIL import Image
 
 from finite_strain.geometry.symmetry import ModelBall
 from finite_strain.output.field_catalogue import outline
-from linear_bem import Cone, Punch
+from linear_bem import Ball, Cone, Layer, Load, Problem, Punch
 from linear_bem.errors import InvalidProblem, OutputUnusable
 from runs.commands import render
 from runs.commands.render import RenderOptions, read_size, render_run
+from runs.display.numbers import Scale
 from runs.pictures import drawing
 from runs.pictures.coloring import COLORINGS, prefixed, round_length
 from runs.pictures.written_step import read_step, step_files
@@ -116,6 +118,22 @@ def test_a_written_part_is_completed_without_a_seam(run: Path) -> None:
     assert volumes.sum() == pytest.approx(4.0 * 6e-3 * 5e-3 * 2e-3)
     assert len(np.unique(np.round(step.points * 1e9), axis=0)) == len(step.points)
     assert step.thickness == pytest.approx(2e-3)
+
+
+def test_colours_are_those_of_the_layer_and_units_those_of_the_tables(run: Path) -> None:
+    step = read_step(step_files(run)[2], 2, "von_mises")
+    below = step.points - [0.0, 0.0, 2e-3]
+    stiffer = dataclasses.replace(
+        step, points=np.concatenate([step.points, below]),
+        cells=np.concatenate([step.cells, step.cells + len(below)]), region=np.repeat([1, 2], len(step.cells)),
+        fields={"von_mises": np.concatenate([step.fields["von_mises"], np.full(len(below), 1e12)])},
+    )  # fmt: skip
+    limits = render._Shown(step, RenderOptions()).limits
+    assert render._Shown(stiffer, RenderOptions()).limits == limits
+    unlike = tuple(drawing.DrawnBall((x, 0.0), radius, 0.1, "sphere") for x, radius in ((-1.0, 1.0), (1.0, 0.5)))
+    problem = Problem(Layer(1.0, 0.48, 1.16), tuple(Ball(b.position, b.radius) for b in unlike), Load("force", (1, 1)))
+    assert dataclasses.replace(step, balls=unlike, young=1.0).dimensionless == Scale.of(problem).dimensionless
+    assert not step.dimensionless
 
 
 def test_a_paraboloid_is_a_solid_body() -> None:
