@@ -68,7 +68,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool 
     advice, inputs = list[Advice](), None
     leading = seen[leading_ball([ball.to_dict() for ball in ahead.balls])]
     if advises:
-        advice, inputs, more = _advice(scene, problem, part, ahead, leading, _patience(problem, seconds, begun))
+        advice, inputs, more = _advice(scene, problem, part, ahead, seen, _patience(problem, seconds, begun))
         notes = (*notes, *more)
     document = {
         "scene": as_given(scene.data),
@@ -92,12 +92,13 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool 
 
 
 def _advice(
-    scene: Scene, problem: Problem, part: Problem, ahead: Result, leading: int, patience: float
+    scene: Scene, problem: Problem, part: Problem, ahead: Result, seen: Sequence[int], patience: float
 ) -> tuple[list[Advice], dict[str, Any] | None, list[str]]:
     """Return the advice, the sensitivity of T to the inputs, and notes on both, from the linear solution of a part.
 
-    ``leading``: number of its ball with the largest T; ``patience``: time limit [s].
+    ``seen``: numbers of its balls; ``patience``: time limit [s].
     """
+    leading = seen[leading_ball([ball.to_dict() for ball in ahead.balls])]
     close, near = closest(part, ahead)
     if near is ahead and "periodic" in scene.drift:  # it was solved in the cell
         near = measured(close, ROUGH)
@@ -118,7 +119,10 @@ def _advice(
     if close is not part:
         which = f"ball {leading}, which has the largest T of those solved, and its {ABOUT - 1} nearest neighbours"
         notes.append(f"the advice considers only {which}")
-        inputs = inputs if inputs is None or "ball" not in inputs else {**inputs, "ball": leading}
+    if inputs is not None and "ball" in inputs:
+        inputs = {**inputs, "ball": seen[inputs["ball"]] if close is part else leading}
+    if advice and problem.balls[leading].radius != problem.balls[0].radius:
+        notes.append(f"R in the changes of the scene is the radius of ball {leading}")
     return advice, inputs, notes
 
 

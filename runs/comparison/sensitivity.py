@@ -26,7 +26,7 @@ from linear_bem.problem import Problem
 from linear_bem.solution import Solution
 from linear_bem.touching import wrapped
 from runs.comparison.strengthening_factors import ROUNDOFF
-from runs.display.numbers import Scale, leading_ball, number, percent
+from runs.display.numbers import SHOWN, Scale, leading_ball, number, percent
 from runs.models import MODELS, Run, without
 
 STEP = 0.005
@@ -222,7 +222,9 @@ def _value(symbol: str, problem: Problem, scale: Scale) -> str:
         "D": (units.length, problem.load.values),
         "Q": (units.force, problem.load.values),
     }[symbol]
-    return ", ".join(unit(value) for value in list(dict.fromkeys(values))[:3])
+    known = list(dict.fromkeys(values))
+    others = [f"{len(known) - SHOWN} other(s)"] if len(known) > SHOWN else []
+    return ", ".join([*(unit(value) for value in known[:SHOWN]), *others])
 
 
 def ratio(found: Mapping[str, Any], comparison: Sequence[Mapping[str, Any]], kind: str) -> float | None:

@@ -67,7 +67,7 @@ def leading_ball(balls: Sequence[Mapping[str, Any]]) -> int:
 
 
 SHOWN = 3
-"""Largest number of kinds of balls that are listed one by one."""
+"""Largest number of kinds, radii or loads of balls that are listed one by one."""
 
 
 def bodies(problem: Problem, scale: Scale) -> str:

@@ -319,6 +319,6 @@ def test_the_advice_on_balls_that_drift_in_a_cell_is_about_these_balls_alone(tmp
         scene = read_scene(file)
         lengths = scene.drift["periodic"].lengths if file is cell else None
         whole = dataclasses.replace(scene.problem, periodic=lengths and Periodic(lengths))
-        advice, *_ = planning._advice(scene, scene.problem, scene.problem, solve(whole, 1e-3), 0, 60.0)
+        advice, *_ = planning._advice(scene, scene.problem, scene.problem, solve(whole, 1e-3), range(3), 60.0)
         found.append([item.change for item in advice if item.effect != "periodic" and item.change is not None])
     assert found[1] == pytest.approx(found[0], rel=2e-2)

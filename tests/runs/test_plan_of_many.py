@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -236,6 +237,22 @@ def test_a_cell_of_many_balls_is_planned_by_a_smaller_one() -> None:
     shift = apart / (33.0, 44.0)
     assert shift == pytest.approx(np.round(shift), abs=1e-9)
     assert look_ahead.in_the_middle(cell, 299) == (cell, range(300))
+
+
+def test_advice_on_a_part_of_a_cell_names_the_balls_of_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
+    few = dataclasses.replace(ROW, balls=ROW.balls[4:7], load=Load("approach", (0.1,) * 3))
+    ahead = solve(few, look_ahead.ROUGH)
+    monkeypatch.setattr(plan.Adviser, "advise", lambda _: ["some"])
+    monkeypatch.setattr(plan.sensitivity, "record", lambda _: {"ball": 1})
+    scene = SimpleNamespace(drift={}, problem=few, tangential_force=None, effects=("periodic",))
+    small = dataclasses.replace(ROW.balls[0], radius=0.5)
+    whole = dataclasses.replace(ROW, balls=(small, *ROW.balls[1:]))
+    part = dataclasses.replace(few, periodic=Periodic((40.0, 10.0)))
+    _, inputs, notes = plan._advice(scene, whole, part, ahead, range(4, 7), 60.0)
+    assert inputs == {"ball": 5}
+    (note,) = notes  # R of the legend is that of ball 0
+    assert note.startswith("R in the changes of the scene is the radius of ball ")
+    assert plan._advice(scene, ROW, part, ahead, range(4, 7), 60.0)[2] == []
 
 
 def test_the_time_planned_is_that_of_an_idle_machine(

@@ -98,6 +98,9 @@ def test_the_table_holds_what_the_record_holds() -> None:
     assert force["input change equal to T's error"] == "-"
     assert radius["input change equal to T's error"] == "more than 100 %"
     assert "add up" not in check(found)  # the sums are in the JSON
+    balls = tuple(Ball((6.0 * i, 0.0), 1.0 + 0.1 * i) for i in range(5))
+    five = Problem(Layer(1.0, 0.45, 1.5), balls, Load("force", (0.02,) * 5))
+    assert rows(found, five, Scale.of(five))[-1]["value"] == "1 R, 1.1 R, 1.2 R, 2 other(s)"
     unlike = dataclasses.replace(scene, balls=(scene.balls[0], dataclasses.replace(scene.balls[1], radius=0.5)))
     assert rows(found, unlike, Scale.of(unlike))[-1]["value"] == "1 R, 0.5 R"
 
