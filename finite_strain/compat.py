@@ -161,7 +161,7 @@ def _compiler_cache(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
         flags = _FLAGS + (_WIDE_FLAGS if comm.allreduce(_has_wide_registers(), op=MPI.LAND) else [])
         options = {"timeout": _COMPILER_SECONDS, "cache_dir": str(cache), "cffi_extra_compile_args": flags}
         stack.callback(vars(machinery).update, FileFinder=machinery.FileFinder)
-        vars(machinery).update(FileFinder=_Finder)
+        vars(machinery).update(FileFinder=FileFinder)
         # forms in the cache take no time
         slow = threading.Timer(_NOTED_AFTER, _announce)
         if comm.rank == 0:
@@ -170,11 +170,16 @@ def _compiler_cache(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
         yield {"jit_params" if _OLD else "jit_options": options}
 
 
-class _Finder(machinery.FileFinder):
-    """Finds a compiled form by its name: the compiler makes a finder for each form, which would list the folder."""
+class FileFinder(machinery.FileFinder):
+    """Finds a compiled form by its name: the compiler makes a finder for each form, which would list the folder.
+
+    Other modules are found as usual. Python registers finders by the names of their classes: it stays ``FileFinder``.
+    """
 
     def find_spec(self, fullname: str, target: Any = None) -> machinery.ModuleSpec | None:
         """Return the module of this name, None if there is none."""
+        if not fullname.startswith("libffcx_"):
+            return super().find_spec(fullname, target)
         files = (Path(self.path, fullname + suffix) for suffix in machinery.EXTENSION_SUFFIXES)
         return next((spec_from_file_location(fullname, file) for file in files if file.is_file()), None)
 

@@ -1,7 +1,9 @@
 """The cache of compiled forms: runs share it, and what a killed run leaves does not stop the next one."""
 
+import importlib
 import multiprocessing
 import os
+import sys
 import time
 from importlib import machinery
 from pathlib import Path
@@ -17,6 +19,8 @@ def _hold(folder: str, begun: Any, seconds: float) -> None:
     from finite_strain import compat  # noqa: PLC0415
 
     with compat._compiler_cache(MPI.COMM_SELF):
+        sys.modules.pop("importlib.abc", None)
+        importlib.import_module("importlib.abc")  # as the compiler does, if nothing has before
         begun.set()
         time.sleep(seconds)
 
