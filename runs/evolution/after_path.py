@@ -55,7 +55,8 @@ def results(
         if source.cheap and len(end) == 2:
             distances = equilibria.of_pair(forces, balls.smallest, outcome.FURTHEST * balls.smallest)
             of_pair = [{"distance": distance, "verdict": verdict} for distance, verdict in distances]
-        return {"equilibrium": outcome.equilibrium(forces, balls, end, source.difference), "pair_equilibria": of_pair}
+        found_at = outcome.equilibrium(forces, balls, end, source.difference, tolerance)
+        return {"equilibrium": found_at, "pair_equilibria": of_pair}
 
     if model != "finite_strain" and problem.size <= MEASURED:
         once("direct_check", "the full linear model at start and end of the path, for the error of T", check)

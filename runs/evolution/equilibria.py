@@ -39,7 +39,7 @@ DIFFERENCE = 1e-5
 OVERLAP = 1e-9
 """Overlap over touching distance that a step may leave; it is corrected afterwards."""
 HELD = 1e-6
-"""Gap over touching distance up to which a pair at the start is in contact: the error of a path's step."""
+"""Gap over touching distance up to which a pair at the start is in contact, of a path without error."""
 NEUTRAL = 1e-6
 """Growth rate over the largest of all rates below which a disturbance neither grows nor decays."""
 
@@ -107,15 +107,19 @@ def rigid_motions(x: Array) -> Array:
     return np.stack([np.tile([1.0, 0.0], len(x)), np.tile([0.0, 1.0], len(x)), turn], axis=1)
 
 
-def find(forces: Forces, balls: HardBalls, start: Array, difference: float = DIFFERENCE) -> Equilibrium:
+def find(
+    forces: Forces, balls: HardBalls, start: Array, difference: float = DIFFERENCE, tolerance: float = 0.0
+) -> Equilibrium:
     """Return the equilibrium next to ``start`` with the contacts that hold there; raises `NotConverged`.
 
     Pairs that touch on the way are held together; a contact whose push comes out negative is opened, and the search
-    continues without it. ``difference`` of the secants is over the smallest touching distance.
+    continues without it. ``difference`` of the secants is over the smallest touching distance. ``tolerance`` [m] is the
+    gap that the path to ``start`` may leave at a contact.
     """
     state = forces(start)
-    held = _holding(balls, start, state.tangential, state.normal)
     touch = balls.smallest
+    contacts = balls.touching(start, max(HELD * touch, tolerance))
+    held = _holding(balls, start, state.tangential, state.normal, contacts)
     x, residual, length = start, np.inf, np.inf
     parted: set[int] = set()
     for _ in range(60):
@@ -186,12 +190,11 @@ def _moved(balls: HardBalls, x: Array, move: Array, held: Pairs) -> tuple[Array,
     return x + part[first] * move, free[[first]]
 
 
-def _holding(balls: HardBalls, x: Array, force: Array, load: Array) -> Pairs:
-    """Return the contacts that hold: all of them if all can push at once, else those of one choice of pushes.
+def _holding(balls: HardBalls, x: Array, force: Array, load: Array, contacts: Pairs) -> Pairs:
+    """Return the ``contacts`` that hold: all of them if all can push at once, else those of one choice of pushes.
 
     More contacts than motions leave the pushes undetermined; non-negative least squares then sets some to zero.
     """
-    contacts = balls.touching(x, HELD * balls.smallest)
     if len(contacts) == 0:
         return contacts
     jacobian = balls.jacobian(x, contacts).toarray()

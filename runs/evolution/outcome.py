@@ -100,13 +100,13 @@ def momentum(moments: Sequence[Moment]) -> float:
     return max((total / largest for total, largest in sizes if largest > 0.0), default=0.0)
 
 
-def equilibrium(forces: Forces, balls: HardBalls, end: Array, difference: float) -> Document:
+def equilibrium(forces: Forces, balls: HardBalls, end: Array, difference: float, tolerance: float) -> Document:
     """Return the equilibrium nearest to ``end``, its stability and its distance from the end [m]; or why there is none.
 
-    ``difference`` as in `runs.evolution.equilibria.find`.
+    ``difference`` and ``tolerance`` as in `runs.evolution.equilibria.find`.
     """
     try:
-        found = equilibria.find(forces, balls, end, difference)
+        found = equilibria.find(forces, balls, end, difference, tolerance)
     except NotConverged as error:
         return {"verdict": "none", "reason": str(error)}
     away = found.positions - end

@@ -227,6 +227,19 @@ def test_the_straight_line_is_unstable_and_the_rhomb_stable(foam: Provider) -> N
     assert rhomb.positions == pytest.approx(moments[-1].positions, abs=1e-8 * RADIUS)
 
 
+def test_contacts_with_gaps_up_to_the_tolerance_of_the_path_hold_its_end(foam: Provider) -> None:
+    problem = scene(line(4, 0.021))
+    balls, forces, coarse = HardBalls.of(problem), spread(foam, problem), 1e-3 * RADIUS
+    start = problem.positions + np.array([[0.0, 1e-3], [0.0, -1e-3], [0.0, 1e-3], [0.0, -1e-3]])
+    end = list(Drift(forces, balls, coarse, REST).path(start, 50.0))[-1]
+    gaps = balls.gaps(end.positions, end.contacts)
+    assert equilibria.HELD * balls.smallest < np.max(gaps) <= coarse
+    found = equilibrium(forces, balls, end.positions, equilibria.DIFFERENCE, coarse)
+    assert found["verdict"] == "stable"
+    assert found["free_motions"] == 0
+    assert found["distance_from_end"] < coarse
+
+
 def test_a_pair_settles_at_the_distance_where_its_force_vanishes() -> None:
     problem = scene(line(2, 0.03))
     balls = HardBalls.of(problem)
@@ -258,7 +271,7 @@ def test_equilibria_of_the_full_model_are_sought_without_balls_inside_each_other
     forces = DirectForces(problem, 1e-2)
     end = path(forces, problem, 300.0)[-1]
     # the model refuses positions that overlap, so this would raise
-    found = equilibrium(forces, HardBalls.of(problem), end.positions, DIRECT_DIFFERENCE)
+    found = equilibrium(forces, HardBalls.of(problem), end.positions, DIRECT_DIFFERENCE, TOLERANCE)
     assert found["verdict"] == verdict
     assert end.resting == (verdict == "stable")
     if verdict == "stable":
@@ -276,7 +289,7 @@ def test_balls_too_far_apart_for_any_force_are_no_equilibrium() -> None:
         return State(np.array([force, -force]), np.ones(2), np.zeros(2))
 
     balls = HardBalls.of(scene([(0.0, 0.0), (0.03, 0.0)]))
-    found = equilibrium(parting, balls, np.array([[0.0, 0.0], [0.07, 0.0]]), 1e-4)
+    found = equilibrium(parting, balls, np.array([[0.0, 0.0], [0.07, 0.0]]), 1e-4, TOLERANCE)
     assert found["verdict"] == "none"
     assert "too far apart" in found["reason"]
 

@@ -132,6 +132,6 @@ def test_where_no_equilibrium_was_found_is_said_in_the_unit_of_the_scene() -> No
         return State(np.array([[-push, 0.0], [push, 0.0]]), np.ones(2), np.zeros(2))
 
     balls = HardBalls(np.full(2, 0.005))
-    found = outcome.equilibrium(parted, balls, np.array([[0.0, 0.0], [0.015, 0.0]]), 1e-4)
+    found = outcome.equilibrium(parted, balls, np.array([[0.0, 0.0], [0.015, 0.0]]), 1e-4, 0.0)
     said = showing._balance(found, 0.005, Unit("mm", 1e-3))
     assert re.match(r"no equilibrium found: none within \d+(\.\d+)? mm of the final positions; where the search", said)
