@@ -73,11 +73,16 @@ class PairLaw:
     """Influence k(L) [m/N] and pull c(L) [1/N]: the point-load law, ``corrected`` to given values if there are any.
 
     ``corrected``: distances [m], and influence and pull there; the differences over `linear`'s envelopes are
-    interpolated.
+    interpolated. ``errors``: distances [m], rising, and the error of pull there [1/N].
     """
 
-    def __init__(self, problem: Problem, corrected: tuple[Array, Array, Array] | None = None) -> None:
-        self.kernel = LayeredKernel.of(problem)
+    def __init__(
+        self,
+        problem: Problem,
+        corrected: tuple[Array, Array, Array] | None = None,
+        errors: tuple[Array, Array] | None = None,
+    ) -> None:
+        self.kernel, self._errors = LayeredKernel.of(problem), errors
         self._thickness = problem.layer.thickness
         self._curves = None
         if corrected is not None:
@@ -95,6 +100,13 @@ class PairLaw:
         bend = (self.kernel.slope(distance + step) - self.kernel.slope(distance - step)) / (2.0 * step)
         length = 1.0 / (2.0 / distance + 1.0 / self._thickness)
         return value, -slope, np.hypot(value, length * slope), np.hypot(slope, length * bend)
+
+    def error(self, distance: Array) -> Array:
+        """Return the error of pull [1/N] at distances [m]: linear between given ones, as 1/L^2 beyond the last."""
+        if self._errors is None:
+            return np.zeros(distance.shape)
+        at, errors = self._errors
+        return np.asarray(np.interp(distance, at, errors) * np.minimum(1.0, at[-1] / distance) ** 2)
 
     def __call__(self, distance: Array) -> tuple[Array, Array]:
         """Return k and c at distances [m], any shape; 0 at infinite ones."""
@@ -114,8 +126,9 @@ class PairLaw:
 class PairForces:
     """Forces of many balls from a `SingleBall` per kind of ball and a `PairLaw`, neglected beyond its reach.
 
-    ``share`` is the error of T over its largest value in a state, as measured on three and four balls; ``cell`` holds
-    the lengths [m] of a periodic cell; ``cut`` is the share of the law below which it is neglected.
+    ``share`` is the error of adding pairs, over the largest T in a state, as measured on three and four balls: the
+    error of T is this plus what the law's own error gives if it has one sign at all distances. ``cell`` holds the
+    lengths [m] of a periodic cell; ``cut`` is the share of the law below which it is neglected.
     """
 
     def __init__(
@@ -161,12 +174,17 @@ class PairForces:
         normal = self._force_and_slope(effective)[0]
         if not np.any(normal > 0.0):
             raise NotConverged("pair forces: no ball carries load")
-        strength = pull * normal[pairs.first] * normal[pairs.second] / distance
-        tangential = np.stack([pairs.summed(strength * along) for along in between.T], axis=1)
+
+        def summed(pull: Array) -> Array:
+            strength = pull * normal[pairs.first] * normal[pairs.second] / distance
+            return np.stack([pairs.summed(strength * along) for along in between.T], axis=1)
+
+        tangential = summed(pull)
         if self._waves is not None:
             tangential += normal[:, None] * self._waves.slope(points, normal)
-        largest = float(np.max(np.hypot(*tangential.T)))
-        return State(tangential, normal, np.full(len(normal), self.share * largest))
+        own = summed(np.where(distance < self.reach, self.law.error(distance), 0.0))
+        error = self.share * np.max(np.hypot(*tangential.T)) + np.max(np.hypot(*own.T))
+        return State(tangential, normal, np.full(len(normal), error))
 
     def cut_error(self, positions: Array) -> float:
         """Return the largest change of T over the largest T at ``positions`` when a tenth as much is neglected."""

@@ -265,13 +265,14 @@ class PairTable:
         return SingleBall(self.states.single.approaches, self.states.single.normal_forces)
 
     def law(self) -> PairLaw:
-        """Return influence and pull over distance."""
+        """Return influence, pull and its error over distance."""
         pairs = sorted(self.states.pairs, key=lambda pair: pair.distance)
         distances = np.array([pair.distance for pair in pairs])
         load = np.array([pair.normal_force for pair in pairs])
         pull = np.array([pair.tangential_force for pair in pairs]) / load**2
         influence = (self.approach - self.single().approach(load)) / load
-        return PairLaw(self.problem, (distances, influence, pull))
+        errors = np.array([pair.tangential_force_error for pair in pairs]) / load**2
+        return PairLaw(self.problem, (distances, influence, pull), (distances, errors))
 
     def forces(self, cell: Array | None = None) -> PairForces:
         """Return the forces of the problem's balls at any positions, in a periodic ``cell`` [m] if there is one."""

@@ -90,7 +90,11 @@ def provider(
     note = (
         f"forces from the pair table {table.path.name}: on {worst.arrangement} T differs from the full model by "
         f"{100.0 * worst.coupled:.2g} % of the largest (bare sum of pair forces: {100.0 * worst.bare_sum:.2g} %)"
-        + ("" if measured else "; the stated error of T is only this share: other arrangements may differ more")
+        + (
+            ""
+            if measured
+            else "; the stated error of T is this share and the error of pairs: other arrangements may differ more"
+        )
     )
     return Provider(table.forces(cell), (note,) if problem.size > 2 else (), table.data)
 

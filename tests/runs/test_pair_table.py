@@ -97,6 +97,33 @@ def test_a_table_goes_on_where_it_was_killed(tmp_path: Path, monkeypatch: pytest
     assert len(list(tmp_path.glob("*.json"))) == 1
 
 
+def test_the_error_of_t_includes_that_of_the_pairs(tmp_path: Path) -> None:
+    problem = Problem(
+        Layer(1.0, 0.48, 2.0), (Ball((0.0, 0.0), 1.0), Ball((3.0, 0.0), 1.0)), Load("approach", (0.1,) * 2)
+    )
+
+    def solve(*_: object) -> Result:
+        raise NotImplementedError
+
+    table = pair_table.PairTable(problem, "none", solve, tmp_path, {})
+    pulls = {2.0: -2e-4, 2.5: -1e-6, 3.0: 1e-4, 4.0: 5e-5}  # T nearly vanishes at one distance
+    pairs = [pair_table.PairState(at, 0.05, pull, 1e-5, 0.0) for at, pull in pulls.items()]
+    depths = (0.02, 0.05, 0.09, 0.105)
+    single = pair_table.SingleStates(depths, tuple(2.0 * d**1.5 for d in depths), 0.0)
+    adding = pair_table.Additivity("three in a line", 1e-4, 1e-6, 0.01, 0.01, 0.1, 0.0)
+    table.states = pair_table.States(single, pairs, [adding])
+    for distance, pull in pulls.items():
+        state = table.forces()(np.array([[0.0, 0.0], [0.0, distance]]))
+        assert state.tangential[0, 1] == pytest.approx(pull, rel=2e-3)
+        assert state.error == pytest.approx(1e-5 + 0.01 * abs(pull), rel=2e-3)
+    # the errors of both neighbours cancel as their forces do
+    row = tuple(Ball((at, 0.0), 1.0) for at in (-2.0, 0.0, 2.0))
+    table.problem = Problem(problem.layer, row, Load("approach", (0.1,) * 3))
+    state = table.forces()(table.problem.positions)
+    assert state.tangential[1] == pytest.approx([0.0, 0.0], abs=1e-15)
+    assert 1e-5 < state.error[1] < 3e-5
+
+
 def test_a_single_balls_law_is_a_power_law_outside_its_states() -> None:
     depths = np.geomspace(0.1, 1.0, 6)
     ball = SingleBall(list(depths), list(4.0 / 3.0 * depths**1.5))
