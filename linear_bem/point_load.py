@@ -168,12 +168,18 @@ def _law(problem: Problem, kernel: LayeredKernel, distance: Array, q: Array, are
     r = np.where(np.isfinite(distance), distance, 1.0)
     towards = (problem.positions - problem.positions[:, None]) / r[:, :, None]
     force = -np.einsum("ij,ijk->ik", products * kernel.slope(r), towards)
+    return force, np.sum(products * neglected(kernel, r, (area[:, None] + area) / np.pi), axis=1)
+
+
+def neglected(kernel: LayeredKernel, r: Array, squares: Array) -> Array:
+    """Return the neglected part of T at distances ``r`` [m] over the product of both forces [1/N].
+
+    ``squares`` [m^2] are the sums of both squared contact radii.
+    """
     step = 1e-3 * r
 
     def laplacian(r: Array) -> Array:
         return np.asarray((kernel.slope(r + step) - kernel.slope(r - step)) / (2.0 * step) + kernel.slope(r) / r)
 
     change = (laplacian(r + step) - laplacian(r - step)) / (2.0 * step)
-    squares = (area[:, None] + area) / np.pi
-    later = 1.0 + LATER_TERMS * squares / r**2
-    return force, np.sum(products * np.abs(change) * squares / 10.0 * later, axis=1)
+    return np.asarray(np.abs(change) * squares / 10.0 * (1.0 + LATER_TERMS * squares / r**2))

@@ -21,6 +21,7 @@ from runs.evolution.providers import (
     DIRECT_DIFFERENCE,
     MEASURED,
     PAIR_ACCURACY,
+    Alone,
     kinds,
     point_loads,
     table_of,
@@ -143,8 +144,8 @@ def _path(scene: Scene, problem: Problem) -> Followed:
     """Follow the first path by point loads, until the patience ends."""
     depths = np.array(DEPTHS) * max(problem.load.values)
 
-    def estimated(ball: Ball) -> list[float]:
-        return list(estimated_relations(problem, np.full(len(depths), ball.radius))[0](depths))
+    def estimated(ball: Ball) -> Alone:
+        return list(estimated_relations(problem, np.full(len(depths), ball.radius))[0](depths)), 0.0
 
     return _followed(scene, problem, point_loads(problem, balls_of(scene).cell, estimated))
 

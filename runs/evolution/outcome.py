@@ -156,12 +156,12 @@ def direct_check(
 def without_pressures(problem: Problem, moment: Moment, full: Sequence[Mapping[str, Any]] = ()) -> list[Document]:
     """Return the balls of a state as in a result, with null for pressures and areas: only forces are known.
 
-    The error of T is at least its largest difference from the ``full`` linear model's balls, where these are given.
+    The error of T is its largest difference from the ``full`` linear model's balls, where these are given.
     """
     state, error = moment.state, moment.state.error
     if full:
         away = np.hypot(*(state.tangential - [ball["tangential_force"] for ball in full]).T)
-        error = np.maximum(error, np.max(away + [ball["tangential_force_error"] for ball in full]))
+        error = np.full(len(full), np.max(away + [ball["tangential_force_error"] for ball in full]))
     return [
         {
             "position": moment.positions[i].tolist(),

@@ -6,19 +6,26 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from linear_bem.arrays import Array
 from linear_bem.errors import UnsupportedProblem
+from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.point_load import neglected
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import Result
 from runs.display.numbers import count, duration
 from runs.evolution.equilibria import DIFFERENCE
 from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
-from runs.evolution.pair_table import DEPTHS, PairTable, common_ball
+from runs.evolution.pair_table import DEPTHS, MANY, PairTable, common_ball
 from runs.models import MODELS, Model, Run, planned_runs, time_on
 from runs.process import ranks
 from runs.process.json_values import Document
 from runs.scene.scene_file import OutputTable
+
+Alone = tuple[Sequence[float], float]
+"""A ball alone: forces [N] at `DEPTHS` of the largest approach, and its largest contact area [m^2]."""
 
 PAIR_ACCURACY = 1e-3
 """Relative accuracy of T in a linear table if the scene states none."""
@@ -63,11 +70,11 @@ def provider(
     """
     if model.name == "point_load":
 
-        def forces_of(ball: Ball) -> Sequence[float]:
+        def alone(ball: Ball) -> Alone:
             balls, load = (replace(ball, position=(0.0, 0.0)),), Load("approach", (max(problem.load.values),))
             return _alone(MODELS["linear_bem"], replace(problem, balls=balls, load=load))
 
-        return Provider(point_loads(problem, cell, forces_of), ("balls act on each other as point loads",))
+        return Provider(point_loads(problem, cell, alone), ("balls act on each other as point loads",))
     require_forces(model, problem, kind)
     if kind == "direct":
         return Provider(
@@ -100,10 +107,10 @@ def provider(
 
 
 @lru_cache(maxsize=64)
-def _alone(linear: Model, problem: Problem) -> tuple[float, ...]:
-    """Return the force [N] of one ball at `DEPTHS` of its approach: solved once for all arrangements of such balls."""
-    states = linear.solve(problem, Run(PAIR_ACCURACY, steps=DEPTHS)).steps
-    return tuple(state.balls[0].normal_force for state in states)
+def _alone(linear: Model, problem: Problem) -> Alone:
+    """Return the states of one ball, solved once for all arrangements of such balls."""
+    states = [step.balls[0] for step in linear.solve(problem, Run(PAIR_ACCURACY, steps=DEPTHS)).steps]
+    return tuple(state.normal_force for state in states), max(state.contact_area for state in states)
 
 
 def require_forces(model: Model, problem: Problem, kind: str) -> None:
@@ -144,11 +151,16 @@ def table_of(
     return PairTable(problem, model.name, solve, folder, settings)
 
 
-def point_loads(problem: Problem, cell: Array | None, forces_of: Callable[[Ball], Sequence[float]]) -> PairForces:
-    """Return the point-load law; ``forces_of`` gives those [N] of a ball alone at `DEPTHS` of the largest approach."""
+def point_loads(problem: Problem, cell: Array | None, alone: Callable[[Ball], Alone]) -> PairForces:
+    """Return the point-load law, whose error is that of two balls with the largest contact area."""
     depths = [d * max(problem.load.values) for d in DEPTHS]
-    curves = {kind: SingleBall(depths, forces_of(ball)) for kind, ball in kinds(problem).items()}
-    return PairForces(problem, [curves[ball.radius, ball.shape] for ball in problem.balls], PairLaw(problem), cell=cell)
+    states = {kind: alone(ball) for kind, ball in kinds(problem).items()}
+    curves = {kind: SingleBall(depths, forces) for kind, (forces, _) in states.items()}
+    distances = 2.0 * min(ball.radius for ball in problem.balls) * np.array(MANY)
+    squares = 2.0 / np.pi * max(area for _, area in states.values())
+    errors = neglected(LayeredKernel.of(problem), distances, np.full(len(distances), squares))
+    law = PairLaw(problem, errors=(distances, errors))
+    return PairForces(problem, [curves[ball.radius, ball.shape] for ball in problem.balls], law, cell=cell)
 
 
 def kinds(problem: Problem) -> dict[tuple[float, Any], Ball]:
