@@ -107,14 +107,22 @@ class States:
 class PairTable:
     """The states of one ball, of pairs, and of three and four balls; complete or not.
 
-    Collective if the model is: every rank calls `complete`, rank 0 reads and writes.
+    Collective if the model is: every rank calls `complete`, rank 0 reads and writes. ``slow``: each pair takes minutes.
     """
 
-    def __init__(self, problem: Problem, model: str, solve: Solve, folder: Path, settings: Mapping[str, Any]) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        model: str,
+        solve: Solve,
+        folder: Path,
+        settings: Mapping[str, Any],
+        *,
+        slow: bool = False,
+    ) -> None:
         self.ball, self.approach = common_ball(problem)
-        self.problem, self.solve = problem, solve
+        self.problem, self.solve, self.slow = problem, solve, slow
         self.touch = 2.0 * self.ball.radius
-        self.slow = problem.finite_strain is not None
         self.distances = tuple(self.touch * v for v in (FEW if self.slow else MANY))
         identity = {
             "format": FORMAT,

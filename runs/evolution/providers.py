@@ -140,15 +140,18 @@ def table_of(
         from finite_strain import FORMAT  # noqa: PLC0415  (only where a scene calls for finite elements)
 
         settings["elements"] = FORMAT
-        if budget:  # tables made without one keep their names
+        # tables made without these keep their names
+        if budget:
             settings["budget"] = dict(budget)
+        if problem.elements is not None:
+            settings["form"] = problem.elements.form
 
     def solve(one: Problem, workspace: Path | None, steps: Sequence[float]) -> Result:
         # the workspace is deleted after the run: it needs no fields
         nothing = OutputTable(fields=())
         return model.solve(one, Run(asked, comm, workspace, output=nothing, budget=budget or {}, steps=steps))
 
-    return PairTable(problem, model.name, solve, folder, settings)
+    return PairTable(problem, model.name, solve, folder, settings, slow=model.parallel)
 
 
 def point_loads(problem: Problem, cell: Array | None, alone: Callable[[Ball], Alone]) -> PairForces:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from linear_bem import Elements
 from linear_bem.errors import OutputUnusable
 from linear_bem.result import Result
-from runs.evolution.pair_table import PairTable
+from runs.evolution.pair_table import FEW, PairTable
+from runs.evolution.providers import table_of
+from runs.models import MODELS
 from runs.scene.scene_file import InvalidScene, Scene, read_scene
 from runs.session.session import Options, Session
 
@@ -53,6 +57,17 @@ def test_a_table_of_pairs_is_of_one_law(tmp_path: Path) -> None:
         PairTable(scene(law, tmp_path).problem, "finite_strain", solve, tmp_path, {}) for law in ("ogden", "hyperfoam")
     ]
     assert tables[0].path != tables[1].path
+
+
+@pytest.mark.parametrize("name", ["small_strain", "finite_strain"])
+def test_tables_of_finite_elements_have_few_pairs_and_are_of_one_form(name: str, tmp_path: Path) -> None:
+    problem = scene("ogden", tmp_path).problem
+    problem = problem if name == "finite_strain" else replace(problem, finite_strain=None)
+    forms = [None, Elements("displacement"), Elements("mixed")]
+    tables = [table_of(MODELS[name], replace(problem, elements=form), 0.1, tmp_path) for form in forms]
+    assert len({table.path for table in tables}) == 3
+    assert all(table.slow for table in tables)
+    assert len(tables[0].distances) == len(FEW)
 
 
 def test_a_name_is_no_quantity_that_was_written(tmp_path: Path) -> None:
