@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 
+from linear_bem.arrays import Array
 from linear_bem.depth import MEANINGLESS, ball_depth_note, dent, large_strain_note
 from linear_bem.dual import POINTED
 from linear_bem.indenter import HeightFunction, Indenter
 from linear_bem.lifted_balls import Contacts
-from linear_bem.problem import Ball
+from linear_bem.problem import Ball, Problem
 from linear_bem.profiles import is_ball
 
 NARROW = 3.0
@@ -20,7 +21,7 @@ def own_profile_notes(contacts: Contacts) -> tuple[str, ...]:
 
     In unlike units its contact is wider than the ball, or far narrower than its approach.
     """
-    radii, base = np.sqrt(contacts.contact_areas / np.pi), _given_by_base(contacts)
+    radii, base = np.sqrt(contacts.contact_areas / np.pi), _given_by_base(*loads_of(contacts))
     for number, (ball, radius, approach) in enumerate(
         zip(contacts.problem.balls, radii, contacts.approaches, strict=True)
     ):
@@ -46,10 +47,19 @@ def _is_pointed(ball: Ball) -> bool:
     return bool(np.min(np.asarray(heights)) > POINTED * near)
 
 
-def large_strain_notes(contacts: Contacts) -> tuple[str, ...]:
-    """Return notes where small strain does not hold: too deep for the layer, or for a round ball."""
-    problem, approaches = contacts.problem, contacts.approaches
-    notes = large_strain_note(problem.layer, float(np.max(approaches)), _given_by_base(contacts))
+def loads_of(contacts: Contacts) -> tuple[Problem, Array, Array, Array]:
+    """Return the arguments of `large_strain_notes` for solved contacts."""
+    return contacts.problem, contacts.approaches, contacts.normal_forces, contacts.contact_areas
+
+
+def large_strain_notes(problem: Problem, approaches: Array, forces: Array, areas: Array) -> tuple[str, ...]:
+    """Return notes where small strain does not hold: too deep for the layer, or for a round ball.
+
+    ``approaches`` [m], normal ``forces`` [N] and contact ``areas`` [m^2] are those of all balls.
+    """
+    notes = large_strain_note(
+        problem.layer, float(np.max(approaches)), _given_by_base(problem, approaches, forces, areas)
+    )
     if any(MEANINGLESS in note for note in notes):
         return notes
     deep = tuple(f"{note}; finite_strain solves approaches up to about 0.9 of it" for note in notes)
@@ -57,11 +67,10 @@ def large_strain_notes(contacts: Contacts) -> tuple[str, ...]:
     return deep + ball_depth_note(max(shares, default=0.0))
 
 
-def _given_by_base(contacts: Contacts) -> float:
+def _given_by_base(problem: Problem, approaches: Array, forces: Array, areas: Array) -> float:
     """Return about how deep [m] the substrate is dented under the deepest ball, by its own force and by the others'."""
-    problem, ball = contacts.problem, int(np.argmax(contacts.approaches))
-    substrate, forces = problem.substrate, contacts.normal_forces
-    own = dent(substrate, problem.layer.thickness, float(forces[ball]), float(contacts.contact_areas[ball]))
+    substrate, ball = problem.substrate, int(np.argmax(approaches))
+    own = dent(substrate, problem.layer.thickness, float(forces[ball]), float(areas[ball]))
     if substrate is None or problem.size == 1 or problem.periodic is not None:
         return own  # in a cell approaches do not contain the mean level of the base
     away = np.hypot(*(np.delete(problem.positions, ball, axis=0) - problem.positions[ball]).T)

@@ -9,7 +9,7 @@ import numpy as np
 
 from linear_bem.arrays import Array
 from linear_bem.depth import depth_faults, overlap_note
-from linear_bem.doubts import large_strain_notes, own_profile_notes
+from linear_bem.doubts import large_strain_notes, loads_of, own_profile_notes
 from linear_bem.error_estimate import (
     Errors,
     change,
@@ -131,7 +131,7 @@ def solve_contact(
     contacts = answer.contacts
     of_error = answer.notes or small_force_note(contacts, answer.error, accuracy)
     overlap = overlap_note(problem, contacts.approaches)
-    notes = (*own_profile_notes(contacts), *large_strain_notes(contacts), *overlap, *of_error)
+    notes = (*own_profile_notes(contacts), *large_strain_notes(*loads_of(contacts)), *overlap, *of_error)
     require_certified(contacts)
     seconds = time.perf_counter() - begun
     return Solution(problem, contacts, answer.error, answer.errors, seconds, notes, answer.accuracy)

@@ -10,8 +10,9 @@ import numpy as np
 import scipy
 
 from linear_bem.arrays import Array
-from linear_bem.depth import dent, large_strain_note
+from linear_bem.doubts import large_strain_notes
 from linear_bem.errors import UnsupportedProblem
+from linear_bem.layer.ritz_indentation import estimates
 from linear_bem.problem import Problem
 from linear_bem.result import Solved
 from linear_bem.touching import overlap_faults
@@ -253,9 +254,10 @@ class Evolution:
         """Return the notes where small strain does not hold, of a model of small strain."""
         if self.problem.finite_strain is not None:
             return ()
-        layer, substrate = self.problem.layer, self.problem.substrate
-        deepest, force = max(self.problem.load.values), float(np.max(record.moments[0].state.normal))
-        return large_strain_note(layer, deepest, dent(substrate, layer.thickness, force, 0.0))
+        layer, forces = self.problem.layer, record.moments[0].state.normal
+        radii = np.array([ball.radius for ball in self.problem.balls])
+        widths = estimates(layer, self.problem.substrate, radii, "normal_force", forces)[2]
+        return large_strain_notes(self.problem, np.array(self.problem.load.values), forces, np.pi * widths**2)
 
     def _document(
         self, record: Record, members: list[Document], source: Provider, converged: bool, seconds: float

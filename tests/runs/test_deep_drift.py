@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from linear_bem import solve
 from runs import cli
 from runs.commands.plan import plan_scene
 from runs.evolution import outcome, pair_table, showing
@@ -53,6 +54,30 @@ def test_balls_pressed_nearly_to_a_rigid_base_drift_with_a_warning(
     assert "warning: the largest approach is 0.97" in capsys.readouterr().out
     with pytest.raises(InvalidScene, match="must be less than the thickness"):
         read_scene(scene(tmp_path, '"10.1 mm"', more=SLIDING))
+
+
+@pytest.mark.parametrize(("thickness", "approach", "base"), [("inf", "1.75", ""), ("0.15", "0.06", "14.0")])
+def test_a_drift_warns_of_large_strain_where_a_solution_does(
+    thickness: str, approach: str, base: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(showing, "draw", lambda *given: None)
+    monkeypatch.setattr(outcome, "direct_check", lambda *given: ([], []))
+    monkeypatch.setattr(outcome, "position_error", lambda *given: None)
+    monkeypatch.setattr(outcome, "equilibrium", lambda *given: None)
+    text = (
+        SCENE.replace('thickness = "10 mm"', f"thickness = {thickness}").replace('"10 mm"', "1").replace('"1 MPa"', "1")
+    )
+    text = text.replace("POSITIONS", "[[-1.0, 0], [1.0, 0]]").replace("APPROACH", approach)
+    text += f"[substrate]\nyoung = {base}\npoisson = 0.3\n" if base else ""
+    file = tmp_path / "deep.toml"
+    file.write_text(text + SLIDING.replace("cycles = 2", "cycles = 1e-4"), encoding="utf-8")
+    evolve_scene(read_scene(file), "point_load", Options(False, tmp_path / "out", False))
+    notes = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))["solved"]["notes"]
+    expected = solve(read_scene(file).problem, accuracy=0.01).solved.notes
+    assert len(expected) == 1
+    # the contact's width, on which the layer's share depends, is estimated
+    assert notes[0].split(", of which the layer takes")[0] == expected[0].split(", of which the layer takes")[0]
+    assert len(notes) == 2  # that balls act as point loads
 
 
 def test_a_plan_refused_by_the_elements_names_file_and_key(tmp_path: Path) -> None:
