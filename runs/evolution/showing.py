@@ -83,7 +83,7 @@ def sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
     )
     if document["position_error"] is not None:
         lines.append(
-            f"error of the positions by the steps alone: {number(document['position_error'] / smallest, 2)} R, by "
+            f"error of the positions by the steps alone: {length(document['position_error'], 2)}, by "
             f"comparison with a {outcome.COARSER:g} times coarser tolerance; the error of the forces adds to it"
         )
     lines.append(f"|sum of T| is {document['momentum']:.1e} of the largest T")
@@ -149,12 +149,11 @@ def _compared(document: Document) -> list[str]:
 def _balance(found: Mapping[str, Any], smallest: float, length: Unit) -> str:
     if found["verdict"] == "none":
         return f"no equilibrium found: {in_unit(found['reason'], length)}"
-    away = number(found["distance_from_end"] / smallest, 2)
     rates = ""
     if found["growth"]:
         rates = f", fastest growth rate {found['growth'][0]:.3g} per metre of path over friction"
     free = (
         f"{count(found['free_motions'], 'free relative motion')}{rates}" if found["free_motions"] else "no free motion"
     )
-    where = "at" if found["distance_from_end"] < AT * smallest else f"{away} R from"
+    where = "at" if found["distance_from_end"] < AT * smallest else f"{length(found['distance_from_end'], 2)} from"
     return f"the path ends {where} an equilibrium: {found['verdict']} ({free})"

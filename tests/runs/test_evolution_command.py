@@ -115,6 +115,8 @@ def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
     for words in ("are in one cluster", "are at rest"):
         assert re.search(rf"3 of 3 members {words} after [\d.e+]+ ± [\d.e+-]+ cycles \([\d.]+ to [\d.]+\)", done.stdout)
     assert "320 mm of path a cycle" in done.stdout
+    error = 1e3 * json.loads((out / "result.json").read_text(encoding="utf-8"))["position_error"]
+    assert f"error of the positions by the steps alone: {error:.2g} mm" in " ".join(done.stdout.split())
     assert "shape: sphere, radius" in done.stdout
     assert "T > 0: towards the other balls" in done.stdout
     document = json.loads((out / "result.json").read_text(encoding="utf-8"))

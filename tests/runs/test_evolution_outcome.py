@@ -128,7 +128,7 @@ def test_sentences_of_the_end() -> None:
     )
 
 
-def test_where_no_equilibrium_was_found_is_said_in_the_unit_of_the_scene() -> None:
+def test_where_an_equilibrium_is_or_was_sought_is_said_in_the_unit_of_the_scene() -> None:
     def parted(x: Array) -> State:  # apart, and less so the farther they are
         push = 1e-9 * float(np.hypot(*(x[1] - x[0]))) ** -4.0
         return State(np.array([[-push, 0.0], [push, 0.0]]), np.ones(2), np.zeros(2))
@@ -137,3 +137,6 @@ def test_where_no_equilibrium_was_found_is_said_in_the_unit_of_the_scene() -> No
     found = outcome.equilibrium(parted, balls, np.array([[0.0, 0.0], [0.015, 0.0]]), 1e-4, 0.0)
     said = showing._balance(found, 0.005, Unit("mm", 1e-3))
     assert re.match(r"no equilibrium found: none within \d+(\.\d+)? mm of the final positions; where the search", said)
+    there = {"verdict": "stable", "free_motions": 0, "growth": [], "distance_from_end": 1.23e-4}
+    said = showing._balance(there, 0.005, Unit("mm", 1e-3))
+    assert said == "the path ends 0.12 mm from an equilibrium: stable (no free motion)"
