@@ -191,7 +191,7 @@ class PairForces:
         wider = PairForces(self.problem, self.singles, self.law, self.share, self.cell, 0.1 * self._cut)
         here, there = self(positions).tangential, wider(positions).tangential
         largest = float(np.max(np.hypot(*there.T)))
-        return float(np.max(np.abs(here - there))) / largest if largest > 0.0 else 0.0
+        return float(np.max(np.hypot(*(here - there).T))) / largest if largest > 0.0 else 0.0
 
     def _force_and_slope(self, approaches: Array) -> tuple[Array, Array]:
         force, slope = np.zeros(len(approaches)), np.zeros(len(approaches))

@@ -250,9 +250,9 @@ class PairTable:
             name,
             tangential_force=largest,
             tangential_force_error=max(ball.tangential_force_error for ball in balls),
-            coupled=float(np.max(np.abs(coupled.tangential - true))) / largest,
+            coupled=float(np.max(np.hypot(*(coupled.tangential - true).T))) / largest,
             coupled_load=float(np.max(np.abs(coupled.normal - load) / load)),
-            bare_sum=float(np.max(np.abs(self._bare_sum(positions) - true))) / largest,
+            bare_sum=float(np.max(np.hypot(*(self._bare_sum(positions) - true).T))) / largest,
             seconds=time.perf_counter() - begun,
         )
 

@@ -12,6 +12,7 @@ import pytest
 from linear_bem import Ball, Elastic, Layer, Load, Problem, Result, solve, solve_point_load
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import FiniteStrain
+from linear_bem.result import BallResult, Solved
 from runs.evolution import pair_table
 from runs.evolution.forces import DirectForces, at
 from runs.evolution.pair_forces import PairForces, SingleBall
@@ -97,31 +98,58 @@ def test_a_table_goes_on_where_it_was_killed(tmp_path: Path, monkeypatch: pytest
     assert len(list(tmp_path.glob("*.json"))) == 1
 
 
-def test_the_error_of_t_includes_that_of_the_pairs(tmp_path: Path) -> None:
-    problem = Problem(
-        Layer(1.0, 0.48, 2.0), (Ball((0.0, 0.0), 1.0), Ball((3.0, 0.0), 1.0)), Load("approach", (0.1,) * 2)
-    )
+PULLS = {2.0: -2e-4, 2.5: -1e-6, 3.0: 1e-4, 4.0: 5e-5}
+"""T at four distances, in units of E and R; it nearly vanishes at one of them."""
+
+
+def written_table(folder: Path) -> pair_table.PairTable:
+    """Return a table of two balls with the forces `PULLS`, without any run."""
+    balls = (Ball((0.0, 0.0), 1.0), Ball((3.0, 0.0), 1.0))
+    problem = Problem(Layer(1.0, 0.48, 2.0), balls, Load("approach", (0.1,) * 2))
 
     def solve(*_: object) -> Result:
         raise NotImplementedError
 
-    table = pair_table.PairTable(problem, "none", solve, tmp_path, {})
-    pulls = {2.0: -2e-4, 2.5: -1e-6, 3.0: 1e-4, 4.0: 5e-5}  # T nearly vanishes at one distance
-    pairs = [pair_table.PairState(at, 0.05, pull, 1e-5, 0.0) for at, pull in pulls.items()]
+    table = pair_table.PairTable(problem, "none", solve, folder, {})
+    pairs = [pair_table.PairState(at, 0.05, pull, 1e-5, 0.0) for at, pull in PULLS.items()]
     depths = (0.02, 0.05, 0.09, 0.105)
     single = pair_table.SingleStates(depths, tuple(2.0 * d**1.5 for d in depths), 0.0)
     adding = pair_table.Additivity("three in a line", 1e-4, 1e-6, 0.01, 0.01, 0.1, 0.0)
     table.states = pair_table.States(single, pairs, [adding])
-    for distance, pull in pulls.items():
+    return table
+
+
+def test_the_error_of_t_includes_that_of_the_pairs(tmp_path: Path) -> None:
+    table = written_table(tmp_path)
+    for distance, pull in PULLS.items():
         state = table.forces()(np.array([[0.0, 0.0], [0.0, distance]]))
         assert state.tangential[0, 1] == pytest.approx(pull, rel=2e-3)
         assert state.error == pytest.approx(1e-5 + 0.01 * abs(pull), rel=2e-3)
     # the errors of both neighbours cancel as their forces do
     row = tuple(Ball((at, 0.0), 1.0) for at in (-2.0, 0.0, 2.0))
-    table.problem = Problem(problem.layer, row, Load("approach", (0.1,) * 3))
+    table.problem = Problem(table.problem.layer, row, Load("approach", (0.1,) * 3))
     state = table.forces()(table.problem.positions)
     assert state.tangential[1] == pytest.approx([0.0, 0.0], abs=1e-15)
     assert 1e-5 < state.error[1] < 3e-5
+
+
+def test_errors_of_t_are_lengths_whatever_the_axes(tmp_path: Path) -> None:
+    table = written_table(tmp_path)
+    for name, places in pair_table.ARRANGEMENTS.items():
+        corners = np.array(places) * table.touch
+        balls = tuple(Ball((x, y), 1.0) for x, y in corners)
+        table.problem = Problem(table.problem.layer, balls, Load("approach", (0.1,) * len(balls)))
+        state = table.forces()(corners)
+        # a model with forces of twice the size: half of the largest is missing
+        full = [
+            BallResult(ball.position, 1.0, 0.1, q, (2.0 * t[0], 2.0 * t[1]), 0.0, None, None)
+            for ball, q, t in zip(balls, state.normal, state.tangential, strict=True)
+        ]
+        table.solve = lambda *_, balls=tuple(full): Result("none", balls, Solved(True, 1, 1, 0.0))
+        assert table._additivity(name).coupled == pytest.approx(0.5, rel=1e-9)
+        forces = PairForces(table.problem, [table.single()] * len(balls), table.law(), cut=0.5)
+        turned = corners @ np.array([[0.6, 0.8], [-0.8, 0.6]])
+        assert forces.cut_error(turned) == pytest.approx(forces.cut_error(corners), rel=1e-6)
 
 
 def test_a_single_balls_law_is_a_power_law_outside_its_states() -> None:
