@@ -223,8 +223,11 @@ def summary(moments: Sequence[Moment], balls: HardBalls, nominal: Array) -> Docu
     touches = [event for event in events(moments, balls) if event.kind == "touch"]
     sizes = [sorted((len(group) for group in balls.groups(m.positions)), reverse=True) for m in moments]
     beside = starting_neighbours(nominal, balls, NEIGHBOURS)
-    centred = x - x.mean(axis=0)
-    spread = np.sqrt(np.maximum(np.linalg.eigvalsh(centred.T @ centred / len(x)), 0.0))
+    shape = {}
+    if balls.cell is None:  # positions in a cell depend on the images that give them
+        centred = x - x.mean(axis=0)
+        spread = np.sqrt(np.maximum(np.linalg.eigvalsh(centred.T @ centred / len(x)), 0.0))
+        shape = {"narrow_over_wide": float(spread[0] / spread[1]) if spread[1] > 0.0 else 1.0}
     return {
         "at_rest": end.resting,
         "sigma_end": end.sigma,
@@ -234,6 +237,6 @@ def summary(moments: Sequence[Moment], balls: HardBalls, nominal: Array) -> Docu
         "first_pairs": [list(event.pair) for event in touches[:4]],
         "contacts": len(end.contacts),
         "groups": sizes[-1],
-        "narrow_over_wide": float(spread[0] / spread[1]) if spread[1] > 0.0 else 1.0,
+        **shape,
         "positions": x.tolist(),
     }

@@ -77,6 +77,8 @@ def test_the_error_at_the_end_covers_the_full_linear_model(
     if model == "point_load":  # so does the error on the path, where there is nothing to compare with
         assert share * largest <= document["path"][-1]["tangential_force_error"][0] <= 0.5 * largest
     assert np.max(errors) < 1.1 * share * largest
+    # an arrangement in a cell has neither width nor length
+    assert ("narrow_over_wide" in document["ensemble"][0]) == (not more)
     said = capsys.readouterr().out
     assert "T at the end differs from the full linear model" in said
     # what is printed and saved as the end is the full model where that is the model asked for
