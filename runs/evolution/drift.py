@@ -94,9 +94,9 @@ class Drift:
     ) -> Iterator[Moment]:  # fmt: skip
         """Yield every moment from ``start`` until sigma = ``end`` or until nothing moves, both included.
 
-        The last step alone depends on ``end``, which may cut it short.
+        Only the last moment depends on ``end``: if a step would pass it, shorter ones to ``end`` yield no others.
         """
-        x, state = start, self.forces(start)
+        x, state, ending = start, self.forces(start), False
         while True:
             contacts = self.balls.touching(x, self.tolerance)
             opening = -np.maximum(self.balls.gaps(x, contacts), 0.0) / step if step else None
@@ -106,10 +106,17 @@ class Drift:
                 step = 0.02 * self._longest(speed)
             resting = speed <= self.rest
             moment = Moment(sigma, x, state, contacts, pushes, speed, step, spare, resting, steps)
-            yield moment
-            if resting or sigma >= AT_END * end:
+            ended = resting or sigma >= AT_END * end
+            if ended or not ending:
+                yield moment
+            if ended:
                 return
-            taken, x, state, step, spare = self._advance(moment, velocity, end)
+            if not ending:
+                advanced = self._advance(moment, velocity, np.inf)
+                ending = sigma + advanced[0] > end
+            if ending:
+                advanced = self._advance(moment, velocity, end)
+            taken, x, state, step, spare = advanced
             steps += 1
             sigma += taken
 

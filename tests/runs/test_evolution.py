@@ -240,6 +240,20 @@ def test_contacts_with_gaps_up_to_the_tolerance_of_the_path_hold_its_end(foam: P
     assert found["distance_from_end"] < coarse
 
 
+def test_where_a_path_ends_changes_its_last_moment_alone(foam: Provider) -> None:
+    problem = scene([(0.0, 0.0), (0.023, 0.001), (0.001, 0.024), (0.025, 0.027)])
+    balls, forces, tolerance = HardBalls.of(problem), spread(foam, problem), 1e-3 * RADIUS
+    coarse, fine = (Drift(forces, balls, each, REST) for each in (tolerance, 0.01 * tolerance))
+    whole = list(coarse.path(problem.positions, 2.0))
+    sigma = np.array([moment.sigma for moment in whole])
+    for before, share in ((3, 0.9), (5, 0.3), (11, 0.9)):  # balls touch at the end of these steps
+        end = float(sigma[before] + share * (sigma[before + 1] - sigma[before]))
+        cut = list(coarse.path(problem.positions, end))
+        assert [moment.sigma for moment in cut] == [*sigma[: before + 1], pytest.approx(end, rel=1e-12)]
+        true = list(fine.path(problem.positions, end))[-1]
+        assert np.max(np.abs(cut[-1].positions - true.positions)) < 2.0 * tolerance
+
+
 def test_a_pair_settles_at_the_distance_where_its_force_vanishes() -> None:
     problem = scene(line(2, 0.03))
     balls = HardBalls.of(problem)
