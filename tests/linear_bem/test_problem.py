@@ -100,7 +100,7 @@ def test_a_force_that_presses_through_a_layer_on_a_rigid_base_is_refused():
         r"must press a ball less deep than 2 times the thickness of the layer on a rigid",
     )
     for load, ball in ((Load("force", (1.0, 1e4)), 1), (Load("total_force", (2e4,)), 0)):
-        match = rf"^load\.{load.kind}.*{said} base, 10 m, got \d0000 N, under which ball {ball} goes"
+        match = rf"^load\.{load.kind}.*{said} base, 10 m, got \d0000 N, under which ball {ball} is pressed"
         with pytest.raises(InvalidProblem, match=match):
             solve(Problem(layer, pair, load))
         assert not depth_faults(Problem(layer, pair, load, Elastic(1e5, 0.3)))  # is noted, as for approaches
