@@ -6,8 +6,9 @@ L >= 2 R; it costs microseconds once the relation between force and approach of 
 
 If approaches are given, forces follow from that relation, computed by `linear_bem.solver.solve` for a single ball, at
 the approach minus the point-load displacement by the neighbours (`linear_bem.coupled_point_loads`). The error estimate
-is the next term of the multipole series, (a_i^2 + a_j^2)/10 times the Laplacian of K for Hertz's pressure,
-and an allowance for all later terms.
+is the next term of the multipole series, (a_i^2 + a_j^2)/10 times the Laplacian of K for Hertz's pressure (on ellipses
+with semi-axes a > b, at most (a^2 + b^2)/20 times the Laplacian and (a^2 - b^2)/20 times K'' - K'/r per ball), and an
+allowance for all later terms.
 """
 
 import time
@@ -17,13 +18,14 @@ import numpy as np
 import scipy
 
 from linear_bem.arrays import Array
-from linear_bem.coupled_point_loads import couple, distances, estimated_relations
+from linear_bem.coupled_point_loads import PointState, couple, distances, estimated_relations
 from linear_bem.depth import dent, large_strain_note
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.indenter import Cone, Punch
 from linear_bem.layer.kernel import LayeredKernel
-from linear_bem.layer.ritz_indentation import Indentation, indentation_of_layer
+from linear_bem.layer.ritz_indentation import Indentation, estimates, indentation_of_layer
 from linear_bem.problem import Ball, Load, Problem
+from linear_bem.profiles import curvature, is_ball
 from linear_bem.result import BallResult, Result, Solved
 from linear_bem.solver import solve_contact
 
@@ -32,6 +34,9 @@ LATER_TERMS = 4.0
 
 The full model gives at most 3 on layers of 0.6 R and 1.16 R up to D = 0.3 R and 0.5 R; less on thicker ones.
 """
+
+FLAT_END = 5.0 / 3.0
+"""Second moment of the pressure under a flat punch over that under a ball (Hertz), of equal force and contact area."""
 
 
 class _Single:
@@ -112,15 +117,7 @@ def solve_point_load(problem: Problem) -> Result:
     kernel = LayeredKernel.of(problem)
     distance = distances(problem.positions)
     mutual = kernel.displacement(distance)
-    singles = _singles(problem, mutual)
-
-    def relation(d: Array) -> Array:
-        return np.array([s.force(v) for s, v in zip(singles, d, strict=True)])
-
-    def inverse(q: Array) -> Array:
-        return np.array([s.approach(v) for s, v in zip(singles, q, strict=True)])
-
-    state = couple(problem, mutual, relation, inverse)
+    singles, state = _coupled(problem, mutual)
     touch = [s.area_and_peak(v) for s, v in zip(singles, state.forces, strict=True)]
     force, error = _law(problem, kernel, distance, state.forces, np.array([area for area, _ in touch]))
     balls = tuple(
@@ -145,10 +142,34 @@ def solve_point_load(problem: Problem) -> Result:
     return Result("point_load", balls, Solved(True, 1, problem.size, seconds, notes=notes, versions=versions))
 
 
-def _singles(problem: Problem, mutual: Array) -> list[_Single]:
-    """Return one relation per ball; balls of one radius and shape share it."""
+def _coupled(problem: Problem, mutual: Array) -> tuple[list[_Single], PointState]:
+    """Return the relation of every ball and the state of all, whose forces lie in the range of the relations."""
     radii = np.array([ball.radius for ball in problem.balls])
     rough = couple(problem, mutual, *estimated_relations(problem, radii)).effective
+    singles: list[_Single] = []
+
+    def relation(d: Array) -> Array:
+        return np.array([s.force(v) for s, v in zip(singles, d, strict=True)])
+
+    def inverse(q: Array) -> Array:
+        return np.array([s.approach(v) for s, v in zip(singles, q, strict=True)])
+
+    # unlike a ball's, the force of another body at a given approach may be far from the paraboloid's
+    is_known = problem.load.kind == "force" or all(is_ball(ball) for ball in problem.balls)
+    for _ in range(1 if is_known else 10):
+        singles[:] = _singles(problem, rough)
+        state = couple(problem, mutual, relation, inverse)
+        before, rough = rough, estimates(problem.layer, problem.substrate, radii, "normal_force", state.forces)[0]
+        if np.allclose(rough, before, rtol=1e-3, atol=0.0):
+            break
+    return singles, state
+
+
+def _singles(problem: Problem, rough: Array) -> list[_Single]:
+    """Return one relation per ball for its force, that of a paraboloid at the ``rough`` effective approach [m].
+
+    Balls of one radius and shape share a relation.
+    """
     kinds: dict[tuple[float, object], list[int]] = {}
     for i, ball in enumerate(problem.balls):
         kinds.setdefault((ball.radius, ball.shape), []).append(i)
@@ -168,18 +189,35 @@ def _law(problem: Problem, kernel: LayeredKernel, distance: Array, q: Array, are
     r = np.where(np.isfinite(distance), distance, 1.0)
     towards = (problem.positions - problem.positions[:, None]) / r[:, :, None]
     force = -np.einsum("ij,ijk->ik", products * kernel.slope(r), towards)
-    return force, np.sum(products * neglected(kernel, r, (area[:, None] + area) / np.pi), axis=1)
+    squares = np.array([squared_axes(ball, part) for ball, part in zip(problem.balls, area, strict=True)])
+    return force, np.sum(products * neglected(kernel, r, squares[:, None] + squares), axis=1)
 
 
 def neglected(kernel: LayeredKernel, r: Array, squares: Array) -> Array:
     """Return the neglected part of T at distances ``r`` [m] over the product of both forces [1/N].
 
-    ``squares`` [m^2] are the sums of both squared contact radii.
+    ``squares`` [m^2], of the shape of ``r`` and 2, are the sums of both contacts' `squared_axes`.
     """
-    step = 1e-3 * r
+    step, (mean, apart) = 1e-3 * r, np.moveaxis(squares, -1, 0)
 
-    def laplacian(r: Array) -> Array:
-        return np.asarray((kernel.slope(r + step) - kernel.slope(r - step)) / (2.0 * step) + kernel.slope(r) / r)
+    def bent(r: Array, sign: float) -> Array:
+        return np.asarray((kernel.slope(r + step) - kernel.slope(r - step)) / (2.0 * step) + sign * kernel.slope(r) / r)
 
-    change = (laplacian(r + step) - laplacian(r - step)) / (2.0 * step)
-    return np.asarray(np.abs(change) * squares / 10.0 * (1.0 + LATER_TERMS * squares / r**2))
+    total = np.zeros(r.shape)
+    for square, sign in ((mean, 1.0), (apart, -1.0)):
+        if square.any():
+            total += np.abs(bent(r + step, sign) - bent(r - step, sign)) / (2.0 * step) * square / 10.0
+    return total * (1.0 + LATER_TERMS * (mean + apart) / r**2)
+
+
+def squared_axes(ball: Ball, area: float) -> tuple[float, float]:
+    """Return half of the sum and half of the difference of the squared semi-axes [m^2] of a contact [m^2].
+
+    Their ratio is nearly Hertz's; for bodies that are not balls both are multiplied by `FLAT_END`.
+    """
+    square = area / np.pi
+    if is_ball(ball) or square == 0.0:
+        return square, 0.0
+    low, high = np.linalg.eigvalsh(curvature(ball, float(np.sqrt(square))))
+    aspect = (high / low) ** (2.0 / 3.0)
+    return 0.5 * FLAT_END * square * (aspect + 1.0 / aspect), 0.5 * FLAT_END * square * (aspect - 1.0 / aspect)

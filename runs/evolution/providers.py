@@ -11,7 +11,7 @@ import numpy as np
 from linear_bem.arrays import Array
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.layer.kernel import LayeredKernel
-from linear_bem.point_load import neglected
+from linear_bem.point_load import neglected, squared_axes
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import Result
 from runs.display.numbers import count, duration
@@ -160,8 +160,8 @@ def point_loads(problem: Problem, cell: Array | None, alone: Callable[[Ball], Al
     states = {kind: alone(ball) for kind, ball in kinds(problem).items()}
     curves = {kind: SingleBall(depths, forces) for kind, (forces, _) in states.items()}
     distances = 2.0 * min(ball.radius for ball in problem.balls) * np.array(MANY)
-    squares = 2.0 / np.pi * max(area for _, area in states.values())
-    errors = neglected(LayeredKernel.of(problem), distances, np.full(len(distances), squares))
+    squares = 2.0 * np.max([squared_axes(ball, states[kind][1]) for kind, ball in kinds(problem).items()], axis=0)
+    errors = neglected(LayeredKernel.of(problem), distances, np.tile(squares, (len(distances), 1)))
     law = PairLaw(problem, errors=(distances, errors))
     return PairForces(problem, [curves[ball.radius, ball.shape] for ball in problem.balls], law, cell=cell)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from linear_bem import Ball, Elastic, Layer, Load, Problem, solve, solve_contact, solve_point_load
+from linear_bem import Ball, Elastic, Ellipsoid, Layer, Load, Problem, solve, solve_contact, solve_point_load
 from linear_bem.closed_forms import hertz_force
 from linear_bem.layer.rectangle_load import deepest_bulge, love_rectangle, uniform_square_displacement
 from tests.linear_bem.conftest import PAPER_LOAD
@@ -100,6 +100,24 @@ def test_the_error_estimate_of_the_point_load_law_holds_for_deep_balls(thickness
     exact, law = solve(problem, 1e-3).balls[0], solve_point_load(problem).balls[0]
     assert abs(law.tangential_force[0] - exact.tangential_force[0]) <= law.tangential_force_error
     assert law.tangential_force_error < abs(law.tangential_force[0])
+
+
+@pytest.mark.parametrize("aspect", [1.5, 3.0])
+def test_the_error_estimate_of_the_point_load_law_holds_for_ellipsoids(aspect):
+    body = Ellipsoid((aspect, 1.0, 1.0))
+    balls = tuple(Ball((x, 0.0), shape=body) for x in (-3.0, 3.0))
+    problem = Problem(Layer(1.0, 0.3, np.inf), balls, Load("force", (0.02, 0.02)))
+    exact, law = solve(problem, 1e-3).balls[0], solve_point_load(problem).balls[0]
+    assert abs(law.tangential_force[0] - exact.tangential_force[0]) <= law.tangential_force_error
+    assert law.tangential_force_error < 0.05 * law.tangential_force[0]
+
+
+def test_the_point_load_law_finds_the_force_of_a_body_that_is_no_ball_at_a_given_approach():
+    balls = tuple(Ball((x, 0.0), 1.0, lambda x, y: (x**2 + y**2) * (0.1 + x**2 + y**2)) for x in (-5.0, 5.0))
+    problem = Problem(Layer(1.0, 0.48, 8.0), balls, Load("approach", (0.1, 0.1)))
+    exact, law = solve(problem, 1e-3).balls[0], solve_point_load(problem).balls[0]
+    assert law.normal_force == pytest.approx(exact.normal_force, rel=1e-3)
+    assert abs(law.tangential_force[0] - exact.tangential_force[0]) <= law.tangential_force_error
 
 
 def test_certificate_is_recomputed_and_small(paper_pair):
