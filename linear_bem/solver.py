@@ -100,7 +100,7 @@ def solve(problem: Problem, accuracy: float = 1e-4, report: Report = silent) -> 
     Q = 7.107 N, T = -0.0105 N
 
     """
-    _check_type(problem)
+    require_supported(problem)
     faults = depth_faults(problem)
     if faults:
         raise InvalidProblem(*faults)
@@ -114,11 +114,7 @@ def solve_contact(
 
     With ``sample``, the error is judged as for very many balls, by a sample of about twice this number.
     """
-    _check_type(problem)
-    if problem.finite_strain is not None:
-        raise UnsupportedProblem(
-            "linear_bem: the effect finite_strain is not part of this model; use finite_strain.solve, or set it to None"
-        )
+    require_supported(problem)
     if not (isinstance(accuracy, Real) and 0.0 < accuracy < 1.0):
         raise InvalidProblem(f"accuracy.tangential_force: must be a number between 0 and 1, got {accuracy!r}")
     if sample is not None and (isinstance(sample, bool) or not (isinstance(sample, Integral) and sample >= 1)):
@@ -137,9 +133,14 @@ def solve_contact(
     return Solution(problem, contacts, answer.error, answer.errors, seconds, notes, answer.accuracy)
 
 
-def _check_type(problem: object) -> None:
+def require_supported(problem: object) -> None:
+    """Raise `InvalidProblem` for what is no problem, `UnsupportedProblem` for an effect that this model lacks."""
     if not isinstance(problem, Problem):
         raise InvalidProblem(f"problem: must be a Problem, as solve(Problem(layer, balls, load)), got {problem!r:.80}")
+    if problem.finite_strain is not None:
+        raise UnsupportedProblem(
+            "linear_bem: the effect finite_strain is not part of this model; use finite_strain.solve, or set it to None"
+        )
 
 
 def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Report, sample: int | None) -> Estimated:

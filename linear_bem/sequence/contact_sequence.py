@@ -14,7 +14,7 @@ from linear_bem.problem import Problem
 from linear_bem.sequence.linearised import LinearisedContacts, LinearState
 from linear_bem.smooth.initial_guess import Guess, first_guess
 from linear_bem.smooth.tangential_forces import half_space_pulls
-from linear_bem.solver import solve_contact
+from linear_bem.solver import require_supported, solve_contact
 
 DEGREES = (4, 6, 8)
 GAP_SHARE = 0.1
@@ -66,6 +66,7 @@ class ContactSequence:
 
     def solve(self, problem: Problem) -> SequenceState:
         """Return the state of one scene, from the previous scene if that is close enough."""
+        require_supported(problem)
         problem = problem.without_empty_layer()
         if self._contacts is not None and self._before is not None and _alike(self._before, problem):
             try:

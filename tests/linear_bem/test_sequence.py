@@ -1,9 +1,22 @@
 """Scenes solved one from the other: the same results as cold, and a cold solution where scenes are not near."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from linear_bem import Ball, ContactSequence, Elastic, FiniteStrain, Layer, Load, Problem, solve, solve_contact
+from linear_bem import (
+    Ball,
+    ContactSequence,
+    Elastic,
+    FiniteStrain,
+    Layer,
+    Load,
+    Problem,
+    UnsupportedProblem,
+    solve,
+    solve_contact,
+)
 from linear_bem.nearby import nearby_forces
 from linear_bem.sequence.linearised import LinearisedContacts
 
@@ -58,6 +71,13 @@ def test_other_bodies_are_solved_cold():
     assert sequence.solve(block(0.0, load, thickness=2.0, substrate=Elastic(3.0, 0.3))).cold
     assert sequence.solve(block(0.0, load, shape="paraboloid")).cold
     assert sequence.solve(block(0.0, Load("force", (1e-3,) * 9), shape="paraboloid")).cold
+
+
+def test_the_effect_finite_strain_is_refused_as_by_solve():
+    scene = replace(block(0.0, LOADS[0]), finite_strain=FiniteStrain())
+    for call in (solve, ContactSequence(ACCURACY).solve):
+        with pytest.raises(UnsupportedProblem, match="finite_strain is not part of this model"):
+            call(scene)
 
 
 def test_a_ball_that_gains_or_loses_contact_is_detected():
