@@ -70,7 +70,7 @@ def uniform_square_displacement(
     x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     total = love_rectangle(x, y, half_side, half_side)
     if not kernel.homogeneous:
-        finest = 0.5 * layer.thickness
+        finest = 0.5 * kernel.thickness
 
         def smooth_part(px: float, py: float) -> float:
             u, wu = graded_rule(-half_side - px, half_side - px, finest, 12)

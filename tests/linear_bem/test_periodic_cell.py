@@ -175,6 +175,7 @@ def test_a_lattice_has_no_t_and_two_cells_are_one(base):
     (force, state), (forces, states) = numbers(one), numbers(two)
     np.testing.assert_allclose(np.concatenate([force, forces]), 0.0, atol=1e-8 * state[0, 1])
     np.testing.assert_allclose(states, np.tile(state, (2, 1)), rtol=1e-6)
+    assert not one.notes
 
 
 def test_an_unloaded_ball_rests_on_the_surface_of_the_cell():

@@ -20,6 +20,7 @@ from linear_bem import (
     UnsupportedProblem,
     solve,
     solve_point_load,
+    uniform_square_displacement,
 )
 from linear_bem.closed_forms import hertz_force
 from linear_bem.layer.response import LayerResponse
@@ -88,6 +89,8 @@ def test_a_layer_given_as_a_function_is_the_layer(nu, base, unit):
     assert ours.displacement(r) == pytest.approx(
         kernel.displacement(r), abs=1e-8 * abs(float(kernel.displacement(1.0)))
     )
+    under = [uniform_square_displacement(*medium, 20.0, 1.0, [0.0, 30.0]) for medium in ((layer, base), (own, None))]
+    assert under[1] == pytest.approx(under[0], abs=2e-8)  # 34 on a half-space
     a, b = solve(Problem(layer, PAIR, LOAD, base)).balls[0], solve(Problem(own, PAIR, LOAD)).balls[0]
     error = a.tangential_force_error + b.tangential_force_error
     assert b.tangential_force[0] == pytest.approx(a.tangential_force[0], rel=1e-6, abs=error)
