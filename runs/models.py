@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from linear_bem.depth import LARGE_STRAIN
 from linear_bem.errors import MissingDependency, ThirdBodyError, UnsupportedProblem
 from linear_bem.problem import Problem
 from linear_bem.result import Result, Step
@@ -108,15 +109,22 @@ def load_path(problem: Problem) -> Sequence[float]:
 
 
 def _stepwise(solve: Callable[[Problem, Run], Result], problem: Problem, run: Run) -> Result:
-    """Return the result of a linear model that solves every load fraction of its run independently."""
-    steps, seconds, iterations = [], 0.0, 0
+    """Return the result of a linear model that solves every load fraction of its run independently.
+
+    The notes of earlier fractions name these. Of the notes on depth, only that at the last fraction is kept.
+    """
+    steps, notes, seconds, iterations = [], [], 0.0, 0
     for fraction in load_path(problem) if run.steps is None else run.steps:
         values = [fraction * value for value in problem.load.values]
         result = solve(problem.with_load(problem.load.kind, values), run)
         steps.append(Step(result.balls, {"fraction": fraction}))
+        notes += [(fraction, note) for note in result.solved.notes]
         seconds += result.solved.seconds
         iterations += result.solved.iterations
-    solved = dataclasses.replace(result.solved, seconds=seconds, iterations=iterations)
+    last = result.solved.notes
+    earlier = [(f, note) for f, note in notes if note not in last and not note.startswith(LARGE_STRAIN)]
+    said = (*(f"at {f:.3g} of the load: {note}" for f, note in earlier), *last)
+    solved = dataclasses.replace(result.solved, seconds=seconds, iterations=iterations, notes=said)
     return result if len(steps) == 1 else dataclasses.replace(result, steps=tuple(steps), solved=solved)
 
 

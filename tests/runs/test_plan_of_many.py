@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from linear_bem import Ball, Layer, Load, Periodic, Problem, solve, solve_contact
+from linear_bem import Ball, Elastic, Layer, Load, Periodic, Problem, solve, solve_contact
 from linear_bem.result import Result
 from linear_bem.sampled_solution import SAMPLE
 from runs import look_ahead
@@ -109,6 +109,15 @@ def test_the_work_of_all_load_steps_of_the_linear_model_counts() -> None:
     pair = dataclasses.replace(ROW, balls=ROW.balls[:2], load=Load("approach", (0.1,) * 2))
     both, first, last = (MODELS["linear_bem"].solve(pair, Run(1e-2, steps=s)) for s in ((0.5, 1.0), (0.5,), (1.0,)))
     assert both.solved.iterations == first.solved.iterations + last.solved.iterations
+
+
+def test_a_note_of_an_earlier_load_step_names_its_part_of_the_load() -> None:
+    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
+    layer = Layer(1.0, 0.48, 1.562171565355676)  # T is 0 at half of the load
+    pair = Problem(layer, balls, Load("approach", (0.5, 0.5)), Elastic(1e3, 0.3))
+    both, last = (MODELS["linear_bem"].solve(pair, Run(1e-2, steps=s)) for s in ((0.5, 1.0), (1.0,)))
+    assert both.solved.notes[0].startswith("at 0.5 of the load: T is close to zero")
+    assert both.solved.notes[1:] == last.solved.notes != ()
 
 
 @pytest.mark.parametrize("cell", ["", "[periodic]\nlengths = [40.0, 10.0]\n"], ids=["free", "cell"])
