@@ -117,6 +117,19 @@ def dent(substrate: Elastic | None, thickness: float, force: float, contact_area
     return 0.75 * force / (substrate.contact_modulus * max(math.sqrt(contact_area / math.pi), thickness))
 
 
+def given_by_base(problem: Problem, ball: int, forces: Array, contact_areas: Array) -> float:
+    """Return about how deep [m] the substrate is dented under a ball, by its own force and by the others'.
+
+    Given the forces [N] and contact areas [m^2] of all balls (balls,).
+    """
+    substrate, h = problem.substrate, problem.layer.thickness
+    own = dent(substrate, h, float(forces[ball]), float(contact_areas[ball]))
+    if substrate is None or not math.isfinite(h) or problem.size == 1 or problem.periodic is not None:
+        return own  # in a cell approaches do not contain the mean level of the base
+    away = np.hypot(*(np.delete(problem.positions, ball, axis=0) - problem.positions[ball]).T)
+    return own + float(np.sum(np.delete(forces, ball) / away)) / (math.pi * substrate.contact_modulus)
+
+
 def large_strain_note(layer: Layer, deepest: float, base: float = 0.0) -> tuple[str, ...]:
     """Return a note where small strain does not hold, given the largest approach and the base's part of it [m]."""
     if isinstance(layer, SurfaceResponse):  # it may deform to any depth
@@ -135,12 +148,17 @@ def large_strain_note(layer: Layer, deepest: float, base: float = 0.0) -> tuple[
     )
 
 
-def ball_depth_note(share: float) -> tuple[str, ...]:
-    """Return a note where the largest approach of a round ball over its radius exceeds 1.25 times `COMPARED_UP_TO`."""
-    if not share > 1.25 * COMPARED_UP_TO:
+def ball_depth_note(share: float, base: float) -> tuple[str, ...]:
+    """Return a note where a round ball is pressed deeper into the layer than 1.25 times `COMPARED_UP_TO` of its radius.
+
+    Given the largest approach and the base's part of it, both over the radius.
+    """
+    own = share - base
+    if not own > 1.25 * COMPARED_UP_TO or own < UNSURE * share:
         return ()
+    taken = f", of which the layer takes {own:.2g}" if base > 0.05 * share else ""
     return (
-        f"{LARGE_STRAIN} {share:.2g} of its ball's radius: small strain is compared with finite strain up to "
+        f"{LARGE_STRAIN} {share:.2g} of its ball's radius{taken}: small strain is compared with finite strain up to "
         f"{COMPARED_UP_TO:g} of it; {CHECK_UNITS}",
     )
 

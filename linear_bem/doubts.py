@@ -1,11 +1,9 @@
 """Notes on a doubtful solution: where small strain does not hold, and own profiles that seem wrong."""
 
-import math
-
 import numpy as np
 
 from linear_bem.arrays import Array
-from linear_bem.depth import MEANINGLESS, ball_depth_note, dent, large_strain_note
+from linear_bem.depth import MEANINGLESS, ball_depth_note, given_by_base, large_strain_note
 from linear_bem.dual import POINTED
 from linear_bem.indenter import HeightFunction, Indenter
 from linear_bem.lifted_balls import Contacts
@@ -21,10 +19,9 @@ def own_profile_notes(contacts: Contacts) -> tuple[str, ...]:
 
     In unlike units its contact is wider than the ball, or far narrower than its approach.
     """
-    radii, base = np.sqrt(contacts.contact_areas / np.pi), _given_by_base(*loads_of(contacts))
-    for number, (ball, radius, approach) in enumerate(
-        zip(contacts.problem.balls, radii, contacts.approaches, strict=True)
-    ):
+    problem, approaches, forces, areas = loads_of(contacts)
+    radii, base = np.sqrt(areas / np.pi), given_by_base(problem, int(np.argmax(approaches)), forces, areas)
+    for number, (ball, radius, approach) in enumerate(zip(problem.balls, radii, approaches, strict=True)):
         own = not isinstance(ball.indenter, Indenter) or isinstance(ball.indenter, HeightFunction)
         if own and _is_pointed(ball):
             return (f"the profile of ball {number} is pointed at its axis: its peak pressure has no limit",)
@@ -57,21 +54,16 @@ def large_strain_notes(problem: Problem, approaches: Array, forces: Array, areas
 
     ``approaches`` [m], normal ``forces`` [N] and contact ``areas`` [m^2] are those of all balls.
     """
-    notes = large_strain_note(
-        problem.layer, float(np.max(approaches)), _given_by_base(problem, approaches, forces, areas)
-    )
+    deepest = int(np.argmax(approaches))
+    base = given_by_base(problem, deepest, forces, areas)
+    notes = large_strain_note(problem.layer, float(approaches[deepest]), base)
     if any(MEANINGLESS in note for note in notes):
         return notes
     deep = tuple(f"{note}; finite_strain solves approaches up to about 0.9 of it" for note in notes)
-    shares = (d / ball.radius for d, ball in zip(approaches, problem.balls, strict=True) if is_ball(ball))
-    return deep + ball_depth_note(max(shares, default=0.0))
-
-
-def _given_by_base(problem: Problem, approaches: Array, forces: Array, areas: Array) -> float:
-    """Return about how deep [m] the substrate is dented under the deepest ball, by its own force and by the others'."""
-    substrate, ball = problem.substrate, int(np.argmax(approaches))
-    own = dent(substrate, problem.layer.thickness, float(forces[ball]), float(areas[ball]))
-    if substrate is None or problem.size == 1 or problem.periodic is not None:
-        return own  # in a cell approaches do not contain the mean level of the base
-    away = np.hypot(*(np.delete(problem.positions, ball, axis=0) - problem.positions[ball]).T)
-    return own + float(np.sum(np.delete(forces, ball) / away)) / (math.pi * substrate.contact_modulus)
+    of_radius = {problem.balls[i].radius: int(i) for i in np.argsort(approaches) if is_ball(problem.balls[i])}
+    shares = [
+        (approaches[i] / radius, given_by_base(problem, i, forces, areas) / radius)
+        for radius, i in of_radius.items()
+        if approaches[i] > radius
+    ]
+    return deep + ball_depth_note(*max(shares, key=lambda pair: pair[0] - pair[1], default=(0.0, 0.0)))

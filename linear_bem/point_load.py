@@ -19,7 +19,7 @@ import scipy
 
 from linear_bem.arrays import Array
 from linear_bem.coupled_point_loads import PointState, couple, distances, estimated_relations
-from linear_bem.depth import dent, large_strain_note
+from linear_bem.depth import given_by_base, large_strain_note
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.indenter import Cone, Punch
 from linear_bem.layer.kernel import LayeredKernel
@@ -119,7 +119,8 @@ def solve_point_load(problem: Problem) -> Result:
     mutual = kernel.displacement(distance)
     singles, state = _coupled(problem, mutual)
     touch = [s.area_and_peak(v) for s, v in zip(singles, state.forces, strict=True)]
-    force, error = _law(problem, kernel, distance, state.forces, np.array([area for area, _ in touch]))
+    areas = np.array([area for area, _ in touch])
+    force, error = _law(problem, kernel, distance, state.forces, areas)
     balls = tuple(
         BallResult(
             position=ball.position,
@@ -137,7 +138,7 @@ def solve_point_load(problem: Problem) -> Result:
     seconds = time.perf_counter() - begun
     versions = {"numpy": np.__version__, "scipy": scipy.__version__}
     deepest = int(np.argmax(state.approaches))
-    base = dent(problem.substrate, problem.layer.thickness, float(state.forces[deepest]), touch[deepest][0])
+    base = given_by_base(problem, deepest, state.forces, areas)
     notes = large_strain_note(problem.layer, float(state.approaches[deepest]), base)
     return Result("point_load", balls, Solved(True, 1, problem.size, seconds, notes=notes, versions=versions))
 

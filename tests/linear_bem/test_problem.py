@@ -21,6 +21,7 @@ from linear_bem import (
     solve,
     solve_contact,
     solve_height_field,
+    solve_point_load,
 )
 from linear_bem.depth import LARGE_STRAIN, depth_faults, overlap_note
 
@@ -116,6 +117,23 @@ def test_a_force_is_not_refused_for_what_the_base_gives_or_another_ball_bears():
     unlike = (Ball((0.0, 0.0), 10.0), Ball((20.0, 0.0), 0.05))  # a common approach: the small ball bears a hundredth
     assert not depth_faults(Problem(Layer(1.0, 0.3, 1.0), unlike, Load("total_force", (10.0,))))
     assert depth_faults(Problem(Layer(1.0, 0.3, 1.0), unlike, Load("total_force", (300.0,))))
+
+
+def test_a_base_that_sinks_under_many_balls_is_no_depth_of_the_layer_or_of_a_ball():
+    def lattice(n, force, layer, base):
+        places = [(2.2 * i, 2.2 * j) for i in range(n) for j in range(n)]
+        return Problem(layer, tuple(Ball(p, 1.0) for p in places), Load("force", (force,) * n * n), base)
+
+    sunk = solve(lattice(3, 0.05, Layer(1.0, 0.4, 3.0), Elastic(0.01, 0.3)), 1e-2)
+    assert sunk.balls[0].approach > 1.7
+    assert not sunk.solved.notes
+    thin = solve_point_load(lattice(7, 0.02, Layer(1.0, 0.4, 0.5), Elastic(0.3, 0.3)))
+    assert thin.balls[24].approach > 0.5 * 0.5
+    assert not thin.solved.notes
+    deep = solve(
+        Problem(Layer(1.0, 0.4, 8.0), (Ball((0.0, 0.0), 1.0),), Load("force", (4.0,)), Elastic(0.7, 0.3)), 1e-2
+    )
+    assert "of its ball's radius, of which the layer takes 1." in deep.solved.notes[0]
 
 
 @pytest.mark.parametrize("given", ["pair.toml", LAYER, [Problem(LAYER, BALLS, LOAD)]])
