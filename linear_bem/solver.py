@@ -112,7 +112,8 @@ def solve_contact(
 ) -> Solution:
     """Return the solution with its fields; parameters and errors as for `solve`.
 
-    With ``sample``, the error is judged as for very many balls, by a sample of about twice this number.
+    Loads that `solve` refuses as too deep are solved here, and noted. With ``sample``, the error is judged as for very
+    many balls, by a sample of about twice this number.
     """
     require_supported(problem)
     if not (isinstance(accuracy, Real) and 0.0 < accuracy < 1.0):
