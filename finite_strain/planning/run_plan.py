@@ -95,9 +95,9 @@ class RunPlan:
 
     @property
     def has_own_functions(self) -> bool:
-        """Whether the layer's law is a function psi(F), or a body a function f(x, y)."""
-        effect = self.problem.finite_strain
-        of_bodies = any(isinstance(ball.shape, HeightFunction) for ball in self.problem.balls)
+        """Whether the layer's law is a function psi(F), or a body a function f(x, y) or of a class of the user's."""
+        effect, bodies = self.problem.finite_strain, [type(ball.indenter) for ball in self.problem.balls]
+        of_bodies = any(body is HeightFunction or body.__module__ != HeightFunction.__module__ for body in bodies)
         return of_bodies or (effect is not None and not isinstance(effect.chosen, Law))
 
     @property
