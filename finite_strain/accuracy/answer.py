@@ -94,7 +94,8 @@ class Answers:
         if worst is not None:
             pull[worst] -= pull.sum(axis=0)
             terms, at_force = _others_at(worst, terms), _others_at(worst, at_force)
-        shown = Terms(*(doubt * term for term in vars(terms).values())) if len(self.plan.problem.balls) > 1 else other
+        counts = _scale(self.plan, self._per_ball(now.normal_force), self._per_ball(np.linalg.norm(pull, axis=1))) > 0.0
+        shown = Terms(*(doubt * term for term in vars(terms).values())) if counts else other
         return Answer(
             **vars(account), balls=self._balls(fine, now, pull, truth, doubt * terms.total, other.total), step=step,
             linear_failure=said if isinstance(said, str) else "",
@@ -238,10 +239,8 @@ def judge(plan: RunPlan, record: Record) -> None:
     if plan.is_hyperelastic:
         film = 1.0 - max(ball.approach for ball in last.balls) / plan.problem.layer.thickness
         record.resolved = is_resolved(last.smallest_volume_ratio, film)
-    forces = np.array([ball.normal_force for ball in last.balls])
     pulls = [math.hypot(*ball.tangential_force) for ball in last.balls]
-    largest = max(pulls) if len(pulls) > 1 else 0.0  # the T of a single ball is an error, no scale
-    record.scale = max(largest, scale_of_force(plan.problem, forces))
+    record.scale = _scale(plan, [ball.normal_force for ball in last.balls], pulls)
     known = [(ball.tangential_force_error, record.scale) for ball in last.balls]
     if record.scale == 0.0:  # without mutual forces the force or approach that was not given counts
         known = [(error, getattr(ball, name)) for ball in last.balls for name, error in ball.errors.items()]
@@ -251,6 +250,16 @@ def judge(plan: RunPlan, record: Record) -> None:
     record.terms = {name: values[worst] / size for name, values in last.error_terms.items() if size > 0.0}
     if last.fraction < plan.goals[-1]:
         record.reached = math.inf
+
+
+def _scale(plan: RunPlan, forces: Sequence[float], pulls: Sequence[float]) -> float:
+    """Return the force [N] to which errors of T refer, from Q and |T| (balls,) [N].
+
+    It is 0 where T is an error alone: on one ball, and without free sides also on balls of which only one presses.
+    """
+    attraction = scale_of_force(plan.problem, np.array(forces))
+    counts = attraction > 0.0 or (plan.has_free_sides and plan.problem.size > 1)
+    return max(*pulls, attraction) if counts else 0.0
 
 
 def _others_at(worst: int, terms: Terms) -> Terms:

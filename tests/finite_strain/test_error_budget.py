@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from finite_strain.accuracy.answer import Answers, _others_at
+from finite_strain.accuracy.answer import Answers, _others_at, judge
 from finite_strain.accuracy.error_budget import (
     FASTEST,
     FEW,
@@ -23,7 +23,15 @@ from finite_strain.accuracy.error_budget import (
 )
 from finite_strain.accuracy.notes import result_notes
 from finite_strain.accuracy.pairs import Paired
-from finite_strain.planning.records import Discretisation, Record, Row, SolverAccount, save_records, saved_records
+from finite_strain.planning.records import (
+    ContactState,
+    Discretisation,
+    Record,
+    Row,
+    SolverAccount,
+    save_records,
+    saved_records,
+)
 from finite_strain.planning.refinement import coarser
 from finite_strain.planning.run_plan import plan_run
 from linear_bem.result import FAINT
@@ -148,6 +156,22 @@ def test_the_error_of_small_strain_elements_is_all_of_their_known_error() -> Non
     answer = answers.answer(1, account, truth)
     known = 0.02 - 0.018 * 0.98**2
     assert known <= answer.balls[0].tangential_force_error <= known * (1.0 + 1e-6)
+
+
+def test_where_one_ball_alone_presses_the_terms_are_those_of_its_force() -> None:
+    problem = UNEQUAL.with_load("approach", (0.1, -0.05))
+    answers = Answers(plan_run(problem, 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
+    for record, force in ((answers.coarse, 1.02), (answers.fine, 1.0)):
+        pressed, away = np.array([force, 0.0]), np.zeros(2)
+        none = np.zeros((2, 2))
+        record.rows.append(Row(ContactState(1.0, np.array([0.1, -0.05]), pressed, none, none, away, away, away, away)))
+    nothing = {field.name: 0.0 for field in fields(SolverAccount)}
+    account = SolverAccount(**nothing | {"fraction": 1.0, "augmented": True, "tolerance": 1e-9})  # type: ignore[arg-type]
+    answers.fine.steps.append(answers.answer(1, account, "no linear answer"))
+    judge(answers.plan, answers.fine)
+    assert answers.fine.scale == 0.0
+    assert answers.fine.reached == relatively(0.02 * FEW[1] * gain(CUBIC, QUADRATIC), 1e-6)
+    assert math.hypot(*answers.fine.terms.values()) == relatively(answers.fine.reached, ROUNDOFF)
 
 
 def test_a_stiffer_or_wider_discretisation_is_compared_with_the_last_one_of_a_lower_resolution() -> None:
