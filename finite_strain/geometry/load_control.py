@@ -54,6 +54,11 @@ class PrescribedLoad:
     """Name of the result that the load does not prescribe."""
     power: ClassVar[float] = 1.5
 
+    @staticmethod
+    def moves(balls: int) -> np.ndarray:
+        """Return how the unknowns move the balls (balls, unknowns); approaches that are given are no unknowns."""
+        return np.zeros((balls, 0))
+
     @property
     def values(self) -> tuple[float, ...]:
         """The value (balls,) [m or N] of each ball at full load, its share of a common one."""
@@ -122,7 +127,7 @@ class PrescribedApproach(PrescribedLoad):
     def on(self, reduction: Reduction) -> LoadControl:
         """Return the approaches themselves."""
         full = np.array([self.values[ball.index] for ball in reduction.balls])
-        return LoadControl(np.zeros((len(full), 0)), np.zeros(0), lambda fraction: fraction * full)
+        return LoadControl(self.moves(len(full)), np.zeros(0), lambda fraction: fraction * full)
 
 
 class PrescribedForce(PrescribedLoad):
@@ -130,7 +135,7 @@ class PrescribedForce(PrescribedLoad):
 
     @staticmethod
     def moves(balls: int) -> np.ndarray:
-        """Return how the unknowns move the balls (balls, unknowns)."""
+        """Return the identity (balls, balls)."""
         return np.eye(balls)
 
     def single(self, ball: Ball | ModelBall, value: float) -> Indentation:

@@ -71,7 +71,7 @@ def forecast(plan: RunPlan, ranks: int = RANKS) -> dict[str, Any]:
     forms = describe_forms(problem)
     mixed, given = "mixed" in forms.values(), given_in(os.environ.get("PETSC_OPTIONS", ""))
     pairs = len(plan.loads) * plan.is_paired
-    free = len(plan.reduction.balls) * prescribed(problem).forces_given
+    free = prescribed(problem).moves(len(plan.reduction.balls)).shape[1]
     effect = problem.finite_strain
     stretches = effect is not None and isinstance(effect.chosen, Ogden | Hyperfoam)
 

@@ -13,12 +13,21 @@ import finite_strain
 from finite_strain import Numerics
 from finite_strain.geometry.extent import choose_extent
 from finite_strain.geometry.load_control import KINDS, prescribed
-from finite_strain.planning.cost import speedup
+from finite_strain.planning.cost import FORCE_SECONDS, START_SECONDS, speedup
 from finite_strain.planning.forecast import LEAST, SCATTER, chances, first_error, forecast, likely
 from finite_strain.planning.refinement import PATH_FINDER, Budget
 from finite_strain.planning.run_plan import plan_run
 from linear_bem import Ball, Elastic, Elements, InvalidProblem, Layer, Load, Problem, Punch, UnsupportedProblem
-from tests.finite_strain.scenes import CUBIC, QUADRATIC, STIFF_SUBSTRATE, at_small_strain, balls_at, on_layer, pair
+from tests.finite_strain.scenes import (
+    CUBIC,
+    QUADRATIC,
+    STIFF_SUBSTRATE,
+    at_small_strain,
+    balls_at,
+    on_layer,
+    pair,
+    relatively,
+)
 from tests.launch import python
 
 KEYS = {
@@ -159,6 +168,16 @@ def test_chances_of_numbers_of_meshes_are_those_of_the_scatter() -> None:
     few = replace(finer, budget=Budget(unknowns=1.01 * plan.unknowns(CUBIC)))
     assert chances(few)[1:] == ((CUBIC, 1.0),)
     assert likely(chances(few)) == (PATH_FINDER, CUBIC)
+
+
+def test_a_holder_that_moves_three_balls_costs_one_unknown_approach() -> None:
+    balls = balls_at((0.0, 0.0), (2.5, 0.3), (0.4, 2.8))
+    plans = [
+        plan_run(on_layer(balls, load), 0.3, "finite_strain")
+        for load in (Load("total_force", (0.15,)), Load("force", (0.05,) * 3))
+    ]
+    held, free = (forecast(plan)["processor_seconds"] - START_SECONDS for plan in plans)
+    assert held / free == relatively((1.0 + FORCE_SECONDS) / (1.0 + 3.0 * FORCE_SECONDS), 1e-9)
 
 
 EXTENT_SCENES = {
