@@ -136,6 +136,7 @@ class MeshRun:
             tolerance=solver.tolerance,
             penetration=float(state.penetration.max()), force_balance=abs(pressed - reaction) / pressed,
             **vars(self.own.path.distorted()),
+            film=self.own.path.film(),
             strain_energy=2 ** len(self.plan.reduction.planes) * model.strain_energy(),
             linear_solver=solver.choice.method,
             linear_iterations=effort.linear_iterations, linear_fallbacks=effort.linear_fallbacks,

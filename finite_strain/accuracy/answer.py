@@ -237,8 +237,7 @@ def judge(plan: RunPlan, record: Record) -> None:
         return
     last = record.steps[-1]
     if plan.is_hyperelastic:
-        film = 1.0 - max(ball.approach for ball in last.balls) / plan.problem.layer.thickness
-        record.resolved = is_resolved(last.smallest_volume_ratio, film)
+        record.resolved = is_resolved(last.smallest_volume_ratio, last.film)
     pulls = [math.hypot(*ball.tangential_force) for ball in last.balls]
     record.scale = _scale(plan, [ball.normal_force for ball in last.balls], pulls)
     known = [(ball.tangential_force_error, record.scale) for ball in last.balls]

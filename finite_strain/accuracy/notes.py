@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from finite_strain.force.distortion import is_resolved
 from finite_strain.mechanics.own_energy import softening
 from finite_strain.mechanics.volumetric import form_notes
 from finite_strain.planning.records import Record
@@ -65,13 +64,12 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
         notes.append(
             "the small-strain problem has no equilibrium at full load: the answer is that of finite strain alone"
         )
-    film = 1.0 - max(ball.approach for ball in last.balls) / plan.problem.layer.thickness
-    if plan.is_hyperelastic and not is_resolved(last.smallest_volume_ratio, film):
+    if not record.resolved:
         away, depth = last.distorted_at["volume_ratio"]
+        film = "" if last.film is None else f", while {last.film:.2g} of the thickness is left under a ball"
         notes.append(
             f"{UNRESOLVED} {away:.2g} m from a ball's axis and {depth:.2g} m below the surface: the "
-            f"volume ratio J falls to {last.smallest_volume_ratio:.2g} there, while {film:.2g} of the thickness is "
-            "left under a ball"
+            f"volume ratio J falls to {last.smallest_volume_ratio:.2g} there{film}"
         )
     if plan.is_hyperelastic and last.surface_crossing > 0.0:
         notes.append(

@@ -10,7 +10,7 @@ import numpy as np
 from finite_strain.contact.contact_energy import Penalised
 from finite_strain.discretisation.unknowns import Values
 from finite_strain.equilibrium.newton import NewtonSolver
-from finite_strain.force.distortion import Distortion, distortion
+from finite_strain.force.distortion import Distortion, distortion, film_left
 from finite_strain.geometry.estimates import STIFFENING, alone, is_stable, penalties
 from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
@@ -129,8 +129,7 @@ class LoadPath:
                         raise NotConverged(
                             f"load step to {fraction:.4g} of the full load: {error} after {cuts} cut-backs; "
                             f"the last good state is at {reached:.4g} of the full load: the film under a ball is "
-                            f"{1.0 - max(self.last.approaches) / self.problem.layer.thickness:.2g} of the layer's "
-                            f"thickness; {self.distorted().describe()}"
+                            f"{self.film():.2g} of the layer's thickness; {self.distorted().describe()}"
                         ) from error
                     continue
                 approaches = tuple(self.model.contact.approaches)
@@ -152,6 +151,12 @@ class LoadPath:
         """Return the distortion of the present state (collective)."""
         model = self.model
         return distortion(model.space, model.nodal, [ball.position for ball in model.contact.balls], model.mirrors)
+
+    def film(self) -> float:
+        """Return the smallest share of the layer's thickness left under a ball in the present state (collective)."""
+        model, contact = self.model, self.model.contact
+        axes = [ball.position for ball in contact.balls]
+        return film_left(model.space, model.nodal, axes, contact.approaches, self.problem.layer.thickness)
 
     @property
     def last(self) -> State:

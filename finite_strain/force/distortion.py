@@ -21,9 +21,25 @@ SQUEEZED, OF_FILM = 0.1, 0.5
 under a ball: foam (nu = 0) in a film has about that share, and above 0.3 in contacts 1.2 R deep on thick layers."""
 
 
-def is_resolved(volume_ratio: float, film: float) -> bool:
-    """Return whether no element is nearly inverted; ``film`` is the remaining share of the thickness under a ball."""
-    return volume_ratio >= min(SQUEEZED, OF_FILM * film)
+def is_resolved(volume_ratio: float, film: float | None) -> bool:
+    """Return whether no element is nearly inverted; ``film`` is that of `film_left`, None if unknown."""
+    return volume_ratio >= (SQUEEZED if film is None else min(SQUEEZED, OF_FILM * film))
+
+
+def film_left(
+    space: Any, nodal: np.ndarray, axes: Sequence[Sequence[float]], approaches: np.ndarray, thickness: float
+) -> float:
+    """Return the smallest share of the layer's thickness [m] left under balls (collective).
+
+    For the displacements and axes see `distortion`. The substrate takes the part of an approach (balls,) [m] by which
+    the bottom of the layer moves down at the node nearest to the ball's axis.
+    """
+    points, given = space.tabulate_dof_coordinates(), []
+    for axis, approach in zip(axes, approaches, strict=True):
+        away = np.linalg.norm(points - [*axis, -thickness], axis=1)
+        here = (float(away.min()), float(nodal[away.argmin(), 2])) if away.size else (np.inf, 0.0)
+        given.append(approach + min(space.mesh.comm.allgather(here))[1])
+    return float(1.0 - max(given) / thickness)
 
 
 @dataclass(frozen=True)

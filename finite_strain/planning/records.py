@@ -85,7 +85,8 @@ class SolverAccount:
     Counts are sums over the load steps since the last answer, ``cuts`` is their largest number of cut-backs.
     ``residual`` [N] is Newton's last, ``tolerance`` its bound, ``residuals`` those of its last solve; ``force_balance``
     is the relative difference of forces on balls and base; for the smallest values, ``surface_crossing`` and
-    ``distorted_at`` see `finite_strain.force.distortion`; ``strain_energy`` [J] is that of the whole scene.
+    ``distorted_at`` see `finite_strain.force.distortion`, as for ``film``, the smallest share of the layer's thickness
+    left under a ball; ``strain_energy`` [J] is that of the whole scene.
     """
 
     fraction: float
@@ -109,6 +110,7 @@ class SolverAccount:
     linear_fallbacks: int
     residuals: list[float]
     seconds: float
+    film: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

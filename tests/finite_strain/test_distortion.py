@@ -10,7 +10,7 @@ pytest.importorskip("dolfinx")
 from mpi4py import MPI
 
 from finite_strain import compat
-from finite_strain.force.distortion import distortion
+from finite_strain.force.distortion import distortion, film_left
 
 ROUNDOFF = 1e-12
 
@@ -53,3 +53,18 @@ def test_the_smallest_values_of_a_quadratic_displacement_are_found_at_their_corn
         assert leaning.surface_crossing == pytest.approx(0.15 * (free != 0), abs=ROUNDOFF)
     wave = distortion(space, np.column_stack([np.zeros_like(x), np.zeros_like(y), 40.0 * x**2]), axes)
     assert wave.smallest_seen_area == pytest.approx(1.0, abs=ROUNDOFF)  # steep, yet a graph
+
+
+def test_the_film_under_a_ball_is_what_the_substrate_below_it_leaves() -> None:
+    from dolfinx.mesh import CellType, create_box  # noqa: PLC0415
+
+    mesh = create_box(
+        MPI.COMM_SELF, [np.array([0.0, 0.0, -2.0]), np.array([1.0, 1.0, 0.0])], [2, 2, 4], CellType.hexahedron
+    )
+    space = compat.function_space(mesh, 2, (3,))
+    x, y, z = space.tabulate_dof_coordinates().T
+    moved = np.column_stack([0.0 * y, 0.0 * y, -0.1 * (2.0 + z) * x])
+    # under the ball at x = 1 the bottom of the layer, at z = -1/2, moves down by 0.15
+    for balls, film in ((1, 1.0 - 0.25 / 0.5), (2, 1.0 - 0.3 / 0.5)):
+        found = film_left(space, moved, [(1.0, 0.5), (0.0, 0.5)][:balls], np.array([0.4, 0.3])[:balls], 0.5)
+        assert found == pytest.approx(film, abs=ROUNDOFF)

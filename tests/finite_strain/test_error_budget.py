@@ -224,20 +224,26 @@ def test_a_resumed_run_restores_the_changes_of_earlier_steps(tmp_path: Path) -> 
     assert resumed[-1].changes == {"R": [[0.2]]}
 
 
-@pytest.mark.parametrize(("volume_ratio", "noted"), [(0.3, False), (0.09, False), (0.06, True)])
-def test_a_state_with_nearly_inverted_elements_is_named(volume_ratio: float, noted: bool) -> None:
+@pytest.mark.parametrize(
+    ("film", "volume_ratio", "noted"),
+    [(0.14, 0.3, False), (0.14, 0.09, False), (0.14, 0.06, True), (0.62, 0.09, True), (None, 0.09, True)],
+)
+def test_a_state_with_nearly_inverted_elements_is_named(film: float | None, volume_ratio: float, noted: bool) -> None:
     plan = plan_run(pair(1.0), 0.1, "finite_strain")
-    ball = SimpleNamespace(tangential_force=(1.0, 0.0), tangential_force_error=0.01, approach=1.0)
+    ball = SimpleNamespace(tangential_force=(1.0, 0.0), tangential_force_error=0.01, approach=1.0, normal_force=1.0)
     step = SimpleNamespace(
         balls=(ball, ball), smallest_volume_ratio=volume_ratio, smallest_seen_area=1.0, surface_crossing=0.0,
-        distorted_at={"volume_ratio": [1.0, 0.0]}, linear_failure="",
+        distorted_at={"volume_ratio": [1.0, 0.0]}, linear_failure="", film=film, fraction=1.0, error_terms={},
     )  # fmt: skip
     rows = [Row(SimpleNamespace(fraction=1.0), SimpleNamespace())]  # type: ignore[arg-type]
-    record = Record(CUBIC, steps=[step], rows=rows, reached=0.01, scale=1.0)  # type: ignore[list-item]
+    record = Record(CUBIC, steps=[step], rows=rows)  # type: ignore[list-item]
+    judge(plan, record)
     notes = result_notes(plan, record, "", 1.0)
     assert [note for note in notes if "not resolved 1 m from a ball's axis" in note and "J falls to" in note] == (
         notes if noted else []
     )
+    left = f", while {film} of the thickness is left under a ball"
+    assert all(note.endswith("there" if film is None else left) for note in notes)
 
 
 @pytest.mark.parametrize(
