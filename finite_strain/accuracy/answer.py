@@ -4,7 +4,7 @@ The answer at the last load step gives the accuracy that the discretisation has 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -73,18 +73,17 @@ class Answers:
         solver = np.full(len(weight), account.tolerance) + (0.0 if truth is None else truth.error)
         size, squared = np.linalg.norm(now.tangential_force, axis=1), _pressed(now, before, "normal_force") ** 2
         none, follows = np.zeros_like(size), _pressed(now, before, self.follows)
-        apart, moved, pulled = self._changed(account.fraction, now, before, truth)
+        apart, moved, pulled, pressed = self._changed(account.fraction, now, before, truth)
         at_force = Terms(squared * apart, none, squared * now.transfer, solver)
+        unsure_force = self._unsure_force(fine, now, truth)
+        both = np.hypot(at_force.transfer, 2.0 * size * unsure_force)
+        if not self.plan.is_paired:  # known errors of T / Q^2 and Q, which may have one sign
+            both = (size + at_force.transfer) * (1.0 + unsure_force) ** 2 - size
+        enforced = none if self.forces_given else 2.0 * MOST * size * share
+        terms = Terms(np.maximum(np.hypot(squared * apart, 2.0 * size * pressed), pulled), enforced, both, solver)
         if self.forces_given:
-            terms, left, rate = at_force, share, follows / np.maximum(LEAST * now.normal_force, 1e-300)
+            left, rate = share, follows / np.maximum(LEAST * now.normal_force, 1e-300)
         else:
-            both = np.hypot(at_force.transfer, 2.0 * size * now.force_transfer)
-            if not self.plan.is_paired:  # known errors of T / Q^2 and Q, which may have one sign
-                both = (size + at_force.transfer) * (1.0 + now.force_transfer) ** 2 - size
-            terms = Terms(
-                np.maximum(np.hypot(squared * apart, 2.0 * size * moved), pulled), 2.0 * MOST * size * share, both,
-                solver,
-            )  # fmt: skip
             left, rate = MOST * share, np.ones_like(size)
         shares = follows * moved, np.abs(follows) * left, np.abs(follows) * now.force_transfer
         other = Terms(*shares, account.tolerance * rate)
@@ -96,16 +95,28 @@ class Answers:
             terms, at_force = _others_at(worst, terms), _others_at(worst, at_force)
         counts = _scale(self.plan, self._per_ball(now.normal_force), self._per_ball(np.linalg.norm(pull, axis=1))) > 0.0
         shown = Terms(*(doubt * term for term in vars(terms).values())) if counts else other
+        through = {self.follows: other.total}
+        if self.plan.problem.load.kind == "total_force":
+            through["normal_force"] = now.normal_force * np.hypot(pressed, unsure_force)
         return Answer(
-            **vars(account), balls=self._balls(fine, now, pull, truth, doubt * terms.total, other.total), step=step,
+            **vars(account), balls=self._balls(fine, now, pull, truth, doubt * terms.total, through), step=step,
             linear_failure=said if isinstance(said, str) else "",
             error_terms={n: self._per_ball(term) for n, term in vars(shown).items()},
             pair_weight=self._per_ball(weight), imbalance=imbalance,
             imbalance_error=sum(self._per_ball(raw)),
-            normal_force_error=self._per_ball(none if self.forces_given else other.total),
+            normal_force_error=self._per_ball(through.get("normal_force", none)),
             approach_error=self._per_ball(other.total if self.forces_given else none),
             tangential_force_error_at_force=self._per_ball(doubt * at_force.total),
         )  # fmt: skip
+
+    def _unsure_force(self, fine: Row, now: Paired, truth: LinearTruth | None) -> np.ndarray:
+        """Return the uncertain part of Q (balls,), relative; under forces the known error of Q at small strain."""
+        small = fine.small if self.plan.is_paired else fine.own
+        if not self.forces_given:
+            return now.force_transfer
+        if truth is None or small is None:
+            return np.zeros_like(now.normal_force)
+        return np.abs(ratio(truth.normal_force, small.normal_force, empty=1.0) - 1.0)
 
     def _at(self, fraction: float, truth: LinearTruth | None) -> tuple[Row, Paired, Paired]:
         """Return the row of the finer discretisation, and the paired answers of the finer and of the coarser one."""
@@ -119,12 +130,12 @@ class Answers:
 
     def _balls(
         self, fine: Row, now: Paired, pull: np.ndarray, truth: LinearTruth | None, error: np.ndarray,
-        through: np.ndarray,
+        through: Mapping[str, np.ndarray],
     ) -> tuple[BallResult, ...]:  # fmt: skip
         """Return the state of every ball of the scene.
 
-        ``pull`` (balls, 2) [N] is T, ``error`` (balls,) [N] its error; ``through`` (balls,) is the error of the force
-        [N] or approach [m] that is not prescribed.
+        ``pull`` (balls, 2) [N] is T, ``error`` (balls,) [N] its error; ``through`` has the errors (balls,) of the
+        force [N] or approach [m] that is not prescribed.
         """
         own, reduction = fine.own, self.plan.reduction
         area, peak = own.contact_area, own.peak_pressure
@@ -144,7 +155,7 @@ class Answers:
             balls.append(BallResult(
                 ball.position, ball.radius, float(now.approach[b]), float(now.normal_force[b]), force, float(error[b]),
                 float(peak[b]), float(area[b]), dict(zip(routes, others, strict=True)),
-                {self.follows: float(through[b])},
+                {name: float(off[b]) for name, off in through.items()},
             ))  # fmt: skip
         return tuple(balls)
 
@@ -179,19 +190,21 @@ class Answers:
 
     def _changed(
         self, fraction: float, now: Paired, before: Paired, truth: LinearTruth | None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the discretisation errors (balls,) of T / Q^2 [1/N], of the force or approach (relative), of T [N].
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return the discretisation errors (balls,) of T / Q^2 [1/N], of the force or approach, of T [N], and of Q.
 
-        The last is that of this load alone.
+        Those of forces and approaches are relative; that of T is of this load alone.
         """
         change = np.linalg.norm(now.per_squared_force - before.per_squared_force, axis=1)
         moved = np.abs(getattr(now, self.follows) - getattr(before, self.follows))
         share = ratio(moved, _pressed(now, before, self.follows), empty=0.0)
+        parts = ratio(np.abs(now.normal_force - before.normal_force), _pressed(now, before, "normal_force"))
         pulled = np.linalg.norm(now.tangential_force - before.tangential_force, axis=1)
         if truth is not None and not self.plan.is_paired:  # the error is known
-            change, share, pulled = (np.zeros_like(pulled) for _ in range(3))
+            change, share, pulled, parts = (np.zeros_like(pulled) for _ in range(4))
         apart, moved = self._change("R", fraction, change), self._change("Q", fraction, share)
-        return apart, moved, gain(self.fine.level, self.coarse.level) * pulled
+        pressed = self._change("parts", fraction, parts) if self.forces_given else moved
+        return apart, moved, gain(self.fine.level, self.coarse.level) * pulled, pressed
 
     def _change(self, name: str, fraction: float, change: np.ndarray) -> np.ndarray:
         """Return the discretisation error (balls,) from the changes at nearby loads; store this one for the others.
@@ -201,6 +214,7 @@ class Answers:
         path = self.fine.changes.setdefault(name, [])
         loads = [row.own.fraction for row in self.fine.rows]
         place, nearby = loads.index(fraction), self.plan.nearby
+        path += [change.tolist()] * (place - len(path))  # where it was saved without this one
         path[place:] = path[place:] or [change.tolist()]
         first = next(i for i, load in enumerate(loads) if load >= nearby * fraction)
         later = [i for i in range(place + 1, len(path)) if nearby * loads[i] <= fraction]
@@ -242,7 +256,8 @@ def judge(plan: RunPlan, record: Record) -> None:
     record.scale = _scale(plan, [ball.normal_force for ball in last.balls], pulls)
     known = [(ball.tangential_force_error, record.scale) for ball in last.balls]
     if record.scale == 0.0:  # without mutual forces the force or approach that was not given counts
-        known = [(error, getattr(ball, name)) for ball in last.balls for name, error in ball.errors.items()]
+        name = prescribed(plan.problem).follows
+        known = [(ball.errors[name], getattr(ball, name)) for ball in last.balls]
     shares = [error / size if size > 0.0 else 0.0 for error, size in known]
     worst = int(np.argmax(shares))
     record.reached, size = shares[worst], known[worst][1]

@@ -29,7 +29,7 @@ def relative_to(record: Record) -> str:
     """Return the quantity to which the accuracy refers, in words."""
     if record.scale > 0.0:
         return NEAR_ZERO if is_near_zero(record) else "the largest tangential force"
-    (name,) = record.steps[-1].balls[0].errors
+    name = next(iter(record.steps[-1].balls[0].errors))
     return f"the {name.replace('_', ' ')}"
 
 

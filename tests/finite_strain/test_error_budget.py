@@ -6,6 +6,7 @@ import math
 from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from finite_strain.accuracy.error_budget import (
     transfer,
 )
 from finite_strain.accuracy.notes import result_notes
-from finite_strain.accuracy.pairs import Paired
+from finite_strain.accuracy.pairs import LinearTruth, Paired
 from finite_strain.planning.records import (
     ContactState,
     Discretisation,
@@ -125,13 +126,13 @@ def test_the_change_of_the_force_itself_counts_where_both_parts_of_it_have_one_s
     now, before = seen(1.0, 1.0), seen(1.01, 1.01**3)  # 1 % in T / Q^2 and in Q: 3 % in T
     for fraction in (0.8, 0.9):
         answers._changed(fraction, now, now, None)
-    apart, moved, pulled = answers._changed(1.0, now, before, None)
+    apart, moved, pulled, _ = answers._changed(1.0, now, before, None)
     assert math.hypot(apart[0], 2.0 * moved[0]) < pulled[0]
     assert pulled == relatively([(1.01**3 - 1.0) * gain(CUBIC, QUADRATIC)], ROUNDOFF)
 
 
 def test_a_ball_that_only_the_coarser_discretisation_presses_has_an_error() -> None:
-    _, moved, pulled = at_loads(1.0)._changed(1.0, seen(0.0, 0.0), seen(0.2, 0.01), None)
+    _, moved, pulled, _ = at_loads(1.0)._changed(1.0, seen(0.0, 0.0), seen(0.2, 0.01), None)
     assert moved == relatively([FEW[1] * gain(CUBIC, QUADRATIC)], ROUNDOFF)
     assert pulled == relatively([0.01 * gain(CUBIC, QUADRATIC)], ROUNDOFF)
 
@@ -158,20 +159,50 @@ def test_the_error_of_small_strain_elements_is_all_of_their_known_error() -> Non
     assert known <= answer.balls[0].tangential_force_error <= known * (1.0 + 1e-6)
 
 
+def of_two(forces: tuple[float, float], approaches: tuple[float, float], per_squared: Any = (0.0, 0.0)) -> ContactState:
+    """Return a state of two balls with Q, D and T / Q^2 along x."""
+    pulls = np.column_stack([np.multiply(per_squared, np.square(forces)), np.zeros(2)])
+    return ContactState(1.0, np.array(approaches), np.array(forces), pulls, pulls, *(np.zeros(2) for _ in range(4)))
+
+
+ACCOUNT = SolverAccount(
+    **{field.name: 0.0 for field in fields(SolverAccount)} | {"fraction": 1.0, "augmented": True, "tolerance": 1e-9}  # type: ignore[arg-type]
+)
+
+
 def test_where_one_ball_alone_presses_the_terms_are_those_of_its_force() -> None:
     problem = UNEQUAL.with_load("approach", (0.1, -0.05))
     answers = Answers(plan_run(problem, 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
     for record, force in ((answers.coarse, 1.02), (answers.fine, 1.0)):
-        pressed, away = np.array([force, 0.0]), np.zeros(2)
-        none = np.zeros((2, 2))
-        record.rows.append(Row(ContactState(1.0, np.array([0.1, -0.05]), pressed, none, none, away, away, away, away)))
-    nothing = {field.name: 0.0 for field in fields(SolverAccount)}
-    account = SolverAccount(**nothing | {"fraction": 1.0, "augmented": True, "tolerance": 1e-9})  # type: ignore[arg-type]
-    answers.fine.steps.append(answers.answer(1, account, "no linear answer"))
+        record.rows.append(Row(of_two((force, 0.0), (0.1, -0.05))))
+    answers.fine.steps.append(answers.answer(1, ACCOUNT, "no linear answer"))
     judge(answers.plan, answers.fine)
     assert answers.fine.scale == 0.0
     assert answers.fine.reached == relatively(0.02 * FEW[1] * gain(CUBIC, QUADRATIC), 1e-6)
     assert math.hypot(*answers.fine.terms.values()) == relatively(answers.fine.reached, ROUNDOFF)
+
+
+@pytest.mark.parametrize(
+    ("model", "known"), [("finite_strain", True), ("finite_strain", False), ("small_strain", True)]
+)
+def test_the_parts_of_a_total_force_have_an_error_which_t_contains(model: str, known: bool) -> None:
+    problem = UNEQUAL.with_load("total_force", (0.3,))
+    plan = plan_run(problem if model == "finite_strain" else at_small_strain(problem), 0.1, model)
+    answers = Answers(plan, [Record(QUADRATIC), Record(CUBIC)])
+    true, found, approaches = (0.16, 0.14), (0.1615, 0.1385), (0.1, 0.1)
+    pull = np.array([4e-4, -4e-4])  # of linear_bem; the changes from the coarser mesh are as large as the errors
+    for record, forces in ((answers.coarse, true), (answers.fine, found)):
+        here = of_two(forces, approaches, pull / np.square(true))
+        record.rows.append(Row(here, here if known and model == "finite_strain" else None))
+    pulls, one = np.column_stack([pull, np.zeros(2)]), np.ones(2)
+    truth = LinearTruth(np.array(true), np.array(approaches), pulls, 1e-9 * one, one, one)
+    answer = answers.answer(1, ACCOUNT, truth if known else "no linear answer")
+    changed = 0.0 if model == "small_strain" else FEW[1] * gain(CUBIC, QUADRATIC)
+    factor = math.hypot(changed, 1.0 if known else 0.0)
+    for ball, exact in zip(answer.balls, pull, strict=True):
+        assert ball.errors["normal_force"] == relatively(factor * 0.0015, 1e-9)
+        assert abs(ball.tangential_force[0] - exact) <= ball.tangential_force_error
+    assert answer.normal_force_error == [ball.errors["normal_force"] for ball in answer.balls]
 
 
 def test_a_stiffer_or_wider_discretisation_is_compared_with_the_last_one_of_a_lower_resolution() -> None:
@@ -222,6 +253,12 @@ def test_a_resumed_run_restores_the_changes_of_earlier_steps(tmp_path: Path) -> 
     save_records(tmp_path, "key", [answers.coarse, answers.fine])
     resumed, _ = saved_records(tmp_path, "key")
     assert resumed[-1].changes == {"R": [[0.2]]}
+
+
+def test_a_change_that_was_not_saved_counts_as_the_present_one() -> None:
+    answers = at_loads(0.8, 0.9, 1.0)
+    assert answers._change("parts", 1.0, np.array([0.2])) == relatively([0.2 * gain(CUBIC, QUADRATIC)], ROUNDOFF)
+    assert answers.fine.changes == {"parts": [[0.2]] * 3}
 
 
 @pytest.mark.parametrize(
