@@ -4,20 +4,11 @@ Pass arguments by position only where keyword names changed between versions.
 """
 
 import ctypes
-import fcntl
 import logging
-import math
-import os
-import re
 import signal
-import threading
-import time
-import warnings
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, nullcontext, suppress
-from functools import lru_cache
-from importlib import import_module, machinery
-from importlib.util import spec_from_file_location
+from contextlib import contextmanager, nullcontext, suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -34,24 +25,14 @@ from ufl.algorithms.apply_derivatives import apply_derivatives
 from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 
+from finite_strain.form_cache import compiler_options
 from finite_strain.mpi import on_root
-from linear_bem.errors import InvalidProblem, MissingDependency, OutputUnusable
+from linear_bem.errors import InvalidProblem, MissingDependency
 from meshes.groups import number_groups
 from meshes.layer import gmsh_session
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 _OLD = VERSION < (0, 6)
-_COMPILER_SECONDS, _NOTED_AFTER = 600, 2.0
-"""How long the compiler waits for a form that another run compiles, and how long it works without a message [s]."""
-_COMPILING = "compiling finite elements for this kind of scene, once: it may take minutes, and later runs reuse them"
-_FLAGS = [
-    "-O2", "-g0", "-ftree-vectorize", "-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros",
-    "-fassociative-math",
-]  # fmt: skip
-_WIDE_FLAGS = ["-mavx2", "-mfma"]
-"""Compiler flags of forms, and those where every rank's processor has these instructions: sums over quadrature points
-are vectorised, and NaN and infinity keep their meaning. With -O2 alone matrices of order 4 take 1.5 times as long,
-vectors and scalars 2.3 times. The names of compiled forms in the cache depend on the flags."""
 
 if VERSION < (0, 5):
     raise MissingDependency(f"finite_strain needs DOLFINx 0.5 or newer, found {dolfinx.__version__}")
@@ -86,7 +67,7 @@ def function_space(mesh: Any, degree: int, shape: tuple[int, ...] = (), disconti
         scalar = ufl.FiniteElement(family, cell, degree)
         kinds = {1: lambda: ufl.VectorElement(scalar, dim=shape[0]), 2: lambda: ufl.TensorElement(scalar, shape=shape)}
         element = kinds[len(shape)]() if shape else scalar
-        with _compiler_cache(mesh.comm) as options:  # the old version compiles spaces too
+        with _compiler(mesh.comm) as options:  # the old version compiles spaces too
             return dolfinx.fem.FunctionSpace(mesh, element, **options)
     import basix.ufl  # noqa: PLC0415  (absent from the old version)
 
@@ -110,103 +91,29 @@ def _name_spacing(domain: Any) -> None:
         domain._ufl_coordinate_element = ufl.VectorElement(named, dim=vector.num_sub_elements())
 
 
+@contextmanager
+def _compiler(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
+    """Yield the compiler's options as a keyword argument (collective)."""
+    with compiler_options(comm) as options:
+        yield {"jit_params" if _OLD else "jit_options": options}
+
+
 def compile_form(form: Any, comm: MPI.Comm) -> Any:
     """Return the compiled form (collective over comm), through the project's own cache."""
-    with _compiler_cache(comm) as options:
+    with _compiler(comm) as options:
         return dolfinx.fem.form(form, **options)
 
 
 def compile_forms(forms: list[Any], comm: MPI.Comm) -> list[Any]:
     """Return compiled forms (collective over comm); every rank first compiles a share of them into the cache."""
     if comm.size > 1:
-        with _compiler_cache(comm) as options:
+        with _compiler(comm) as options:
             scalar = {"scalar_type": "double" if _OLD else np.float64}
             for form in forms[comm.rank :: comm.size]:
                 with suppress(Exception):  # a form that does not compile raises below, on all ranks
                     dolfinx.jit.ffcx_jit(MPI.COMM_SELF, form, scalar, *options.values())
             comm.barrier()
     return [compile_form(form, comm) for form in forms]
-
-
-@contextmanager
-def _compiler_cache(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
-    """Yield the compiler's options, as a keyword argument (collective).
-
-    Runs share the cache and may compile at the same time. A source without its ``.cached`` file, for which the compiler
-    would wait, was left by a killed run if no other run compiles now, or if it is older than this waiting time.
-    """
-    cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "thirdbody" / "forms"
-    failure = None
-    with ExitStack() as stack, warnings.catch_warnings():
-        # a hexahedron of order 4 needs more quadrature points than the compiler's warning threshold
-        warnings.filterwarnings("ignore", "Number of integration points per cell", UserWarning)
-        if comm.rank == 0:
-            try:
-                cache.mkdir(parents=True, exist_ok=True)
-                lock = stack.enter_context((cache / "lock").open("w"))
-                oldest = time.time() - _COMPILER_SECONDS
-                with suppress(BlockingIOError):
-                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    oldest = math.inf
-                for source in _unfinished(cache, cache.stat().st_mtime_ns):
-                    with suppress(FileNotFoundError):  # another run may remove it, too
-                        if source.stat().st_mtime < oldest:
-                            source.unlink()
-                fcntl.flock(lock, fcntl.LOCK_SH)
-            except OSError as error:
-                failure = f"compiled forms cannot be kept in {cache}: {error}; set XDG_CACHE_HOME to a writable folder"
-        failure = comm.bcast(failure, root=0)
-        if failure:
-            raise OutputUnusable(failure)
-        flags = _FLAGS + (_WIDE_FLAGS if comm.allreduce(_has_wide_registers(), op=MPI.LAND) else [])
-        options = {"timeout": _COMPILER_SECONDS, "cache_dir": str(cache), "cffi_extra_compile_args": flags}
-        stack.callback(vars(machinery).update, FileFinder=machinery.FileFinder)
-        vars(machinery).update(FileFinder=FileFinder)
-        # forms in the cache take no time
-        slow = threading.Timer(_NOTED_AFTER, _announce)
-        if comm.rank == 0:
-            slow.start()
-            stack.callback(slow.cancel)
-        yield {"jit_params" if _OLD else "jit_options": options}
-
-
-class FileFinder(machinery.FileFinder):
-    """Finds a compiled form by its name: the compiler makes a finder for each form, which would list the folder.
-
-    Other modules are found as usual. Python registers finders by the names of their classes: it stays ``FileFinder``.
-    """
-
-    def find_spec(self, fullname: str, target: Any = None) -> machinery.ModuleSpec | None:
-        """Return the module of this name, None if there is none."""
-        if not fullname.startswith("libffcx_"):
-            return super().find_spec(fullname, target)
-        files = (Path(self.path, fullname + suffix) for suffix in machinery.EXTENSION_SUFFIXES)
-        return next((spec_from_file_location(fullname, file) for file in files if file.is_file()), None)
-
-
-@lru_cache(maxsize=1)
-def _announce() -> None:
-    """Log, once per process, that forms are compiled."""
-    logging.getLogger("finite_strain").info(_COMPILING)
-
-
-@lru_cache(maxsize=1)
-def _has_wide_registers() -> bool:
-    """Return whether this machine's processor has AVX2 and fused multiply-add; False where it does not say so."""
-    with suppress(OSError):
-        flags = re.search(r"^flags\s*:(.*)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE)
-        return flags is not None and {"avx2", "fma"} <= set(flags[1].split())
-    return False
-
-
-@lru_cache(maxsize=1)
-def _unfinished(cache: Path, changed: int) -> list[Path]:
-    """Return the sources without a ``.cached`` file in a folder last ``changed`` at this time [ns].
-
-    There may be thousands of forms: listing them for every form would take a fifth of a small run.
-    """
-    there = set(os.listdir(cache))
-    return [cache / name for name in there if name.endswith(".c") and f"{name}.cached" not in there]
 
 
 def vector_of(function: Any) -> PETSc.Vec:
@@ -221,7 +128,7 @@ def compile_expression(value: Any, points: np.ndarray, comm: MPI.Comm) -> Any:
     depend on what was compiled before.
     """
     value = map_expr_dag(_WithoutVariables(), apply_derivatives(apply_algebra_lowering(value)))
-    with _compiler_cache(comm) as options:
+    with _compiler(comm) as options:
         return dolfinx.fem.Expression(value, points, **options)
 
 

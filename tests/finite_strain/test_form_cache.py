@@ -16,9 +16,9 @@ def _hold(folder: str, begun: Any, seconds: float) -> None:
     os.environ["XDG_CACHE_HOME"] = folder
     from mpi4py import MPI  # noqa: PLC0415
 
-    from finite_strain import compat  # noqa: PLC0415
+    from finite_strain import form_cache  # noqa: PLC0415
 
-    with compat._compiler_cache(MPI.COMM_SELF):
+    with form_cache.compiler_options(MPI.COMM_SELF):
         sys.modules.pop("importlib.abc", None)
         importlib.import_module("importlib.abc")  # as the compiler does, if nothing has before
         begun.set()
@@ -30,7 +30,7 @@ def test_runs_use_the_cache_side_by_side_and_remove_what_a_killed_run_left(
 ) -> None:
     from mpi4py import MPI  # noqa: PLC0415
 
-    from finite_strain import compat  # noqa: PLC0415
+    from finite_strain import form_cache  # noqa: PLC0415
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     forms = tmp_path / "thirdbody" / "forms"
@@ -48,10 +48,10 @@ def test_runs_use_the_cache_side_by_side_and_remove_what_a_killed_run_left(
         assert kept.exists(), "alone, a run removes every source that was not compiled, and no other"
         left.touch()
         old.touch()
-        long_ago = time.time() - 2.0 * compat._COMPILER_SECONDS
+        long_ago = time.time() - 2.0 * form_cache.COMPILER_SECONDS
         os.utime(old, (long_ago, long_ago))
         began = time.monotonic()
-        with compat._compiler_cache(MPI.COMM_SELF):
+        with form_cache.compiler_options(MPI.COMM_SELF):
             assert time.monotonic() - began < 300.0, "waited for the other run"
             assert left.exists(), "the other run may be compiling it"
             assert not old.exists()
@@ -63,7 +63,7 @@ def test_runs_use_the_cache_side_by_side_and_remove_what_a_killed_run_left(
 def test_a_form_costs_no_status_call_for_each_of_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from mpi4py import MPI  # noqa: PLC0415
 
-    from finite_strain import compat  # noqa: PLC0415
+    from finite_strain import form_cache  # noqa: PLC0415
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     forms = tmp_path / "thirdbody" / "forms"
@@ -73,7 +73,7 @@ def test_a_form_costs_no_status_call_for_each_of_the_others(tmp_path: Path, monk
         (forms / f"{number}.c.cached").touch()
     asked, status = list[object](), os.stat
     monkeypatch.setattr(os, "stat", lambda path, **options: asked.append(path) or status(path, **options))
-    with compat._compiler_cache(MPI.COMM_SELF):
+    with form_cache.compiler_options(MPI.COMM_SELF):
         assert len(asked) < 20
 
 
