@@ -12,13 +12,13 @@ from linear_bem.errors import NotConverged
 from linear_bem.grid.contacts import GridContacts
 from linear_bem.load_control import unloaded
 from linear_bem.problem import Problem
-from linear_bem.profiles import height
+from linear_bem.profiles import height, is_ball
 from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.contacts import CHECKED, SmoothContacts
 from linear_bem.smooth.displacement import displacement_about
 from linear_bem.smooth.initial_guess import Guess, Start, light_touch, overlap, solve_smooth
 from linear_bem.smooth.zone import Zone, stacked
-from linear_bem.touching import wrapped
+from linear_bem.touching import largest_half_width, wrapped
 
 Contacts = SmoothContacts | GridContacts
 Same = TypeVar("Same", SmoothContacts, GridContacts)
@@ -31,6 +31,8 @@ At 1e-4 of the others' depth, a ball carries 1e-6 of their force."""
 CLEAR = 0.4
 """Largest distance of a touching point from its ball's axis, over that of the next axis, for many balls: a polynomial
 fits the displacement up to there, but not under the next contact."""
+MOST_STEPS = 60
+"""Largest number of steps of the search for a lowest point."""
 
 
 class Touched(NotConverged):
@@ -50,17 +52,27 @@ class Touched(NotConverged):
 
 
 def rest(contacts: Contacts, ball: int) -> tuple[float, tuple[float, float]]:
-    """Return the approach [m] at which an unloaded ball just touches the deformed surface, and its position [m]."""
-    f = height(contacts.problem.balls[ball])
-    centre, reach = np.array(contacts.problem.balls[ball].position), 0.1 * contacts.problem.balls[ball].radius
+    """Return the approach [m] at which an unloaded ball just touches the deformed surface, and its position [m].
+
+    Bodies other than balls may be flat or long: the search covers their whole width, and narrows more slowly.
+    """
+    body = contacts.problem.balls[ball]
+    f, centre = height(body), np.array(body.position)
+    wide = largest_half_width(body.indenter, body.radius)
+    reach, narrower = (0.1 * body.radius, 0.4) if is_ball(body) else (wide, 0.6)
     value = np.inf
-    for _ in range(12):
+    for _ in range(MOST_STEPS):
         grid = np.linspace(-reach, reach, 7)
         x, y = np.meshgrid(centre[0] + grid, centre[1] + grid)
-        gap = contacts.displacement(x, y) + f(x, y)
+        with np.errstate(all="ignore"):  # an own profile may have no value beyond its edge
+            gap = np.nan_to_num(contacts.displacement(x, y) + f(x, y), nan=np.inf, posinf=np.inf)
         best = np.unravel_index(int(np.argmin(gap)), gap.shape)
         value = min(value, float(gap[best]))
-        centre, reach = np.array([x[best], y[best]]), 0.4 * reach
+        centre = np.array([x[best], y[best]])
+        if min(best) > 0 and max(best) < 6:  # else the lowest point may lie beyond the square
+            reach *= narrower
+        if reach < 4e-6 * body.radius:
+            break
     return value, (float(centre[0]), float(centre[1]))
 
 
@@ -89,7 +101,10 @@ def rests(contacts: Contacts, balls: Sequence[int]) -> list[tuple[float, tuple[f
         value = np.minimum(value, np.take_along_axis(gap, best, 1)[:, 0])
         size *= 0.4
     places = centres + reach[:, None] * at
-    return [(float(v), (float(x), float(y))) for v, (x, y) in zip(value, places, strict=True)]
+    found = [(float(v), (float(x), float(y))) for v, (x, y) in zip(value, places, strict=True)]
+    for k in np.flatnonzero(np.any(np.abs(at) == 0.7, axis=1)):  # beyond the rim it may be lower
+        found[k] = rest(contacts, balls[k])
+    return found
 
 
 def nearest(problem: Problem) -> Array:

@@ -14,6 +14,7 @@ from linear_bem.grid.outline import edge_error, edge_mean, excess_edge
 from linear_bem.grid.patches import Patch, Patches
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
 from linear_bem.grid.surface import drawn, surface_displacement
+from linear_bem.indenter import Indenter
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import force_error, force_groups, unloaded
 from linear_bem.problem import Problem
@@ -233,7 +234,10 @@ def grid_levels(start: Start, report: Report = silent) -> Iterator[GridContacts]
     problem = start.problem
     reach = {i: 1.3 * zone.reach for i, zone in zip(start.touching, start.zones, strict=True)}
     smallest = min(reach.values())
-    reach |= {i: 0.5 * smallest for i in range(problem.size) if i not in reach}
+    for i in set(range(problem.size)) - set(reach):
+        body, reach[i] = problem.balls[i].indenter, 0.5 * smallest
+        if isinstance(body, Indenter) and body.edge and i not in unloaded(problem.load):
+            reach[i] = 1.05 * body.reach  # a punch may touch at its edge first
     count, before = COARSEST, None
     for _ in range(12):
         patches = shared_patches(problem, start.kernel, reach, count, report)

@@ -106,7 +106,9 @@ def light_touch(ball: Ball, place: tuple[float, float], depth: float) -> Zone:
     """Return Hertz's ellipse of a ball that overlaps the surface by a small depth [m] about a point [m]."""
     radius = float(np.sqrt(ball.radius * depth))
     # p0 = 2 a E* / (pi R), and pressures are in units of pi E*
-    return _hertz_zone(place, _hertz_axes(ball, radius, ball.radius)[0], 2.0 * radius / (np.pi**2 * ball.radius))
+    flat = mean_height(ball, radius) < 0.1 * depth  # as under a punch, whose curvature is 0
+    axes = radius * np.eye(2) if flat else _hertz_axes(ball, radius, ball.radius)[0]
+    return _hertz_zone(place, axes, 2.0 * radius / (np.pi**2 * ball.radius))
 
 
 def _radii_seen(problem: Problem, balls: Sequence[Ball], kind: str, values: Array) -> Array:

@@ -2,13 +2,15 @@
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.special import gamma
 
-from linear_bem import Ball, Cone, Elastic, InvalidProblem, Layer, Load, Problem, solve, solve_contact
+from linear_bem import Ball, Cone, Elastic, InvalidProblem, Layer, Load, Problem, Punch, solve, solve_contact
 from linear_bem.grid.contacts import GridContacts
+from linear_bem.lifted_balls import rest
 
 
 @pytest.mark.parametrize(("radius", "distance", "substrate"), [(10.0, 7.0, None), (100.0, 20.0, Elastic(1e3, 0.3))])
@@ -48,6 +50,26 @@ def test_a_custom_ball_that_lifts_on_a_grid_has_no_force():
     lifted = solution.result().balls[1]
     assert lifted.normal_force == 0.0
     assert lifted.tangential_force_routes == {"mutual": (0.0, 0.0), "slope": (0.0, 0.0)}
+
+
+def test_a_punch_that_a_neighbour_lifts_rests_on_its_edge_and_carries_load_from_there_on():
+    balls = (Ball((0.0, 0.0), 1.0), Ball((2.2, 0.0), shape=Punch(1.0, 0.1)))
+    layer = Layer(1.0, 0.48, 8.0)
+    resting = solve_contact(Problem(layer, balls, Load("force", (0.6, 0.0))), 1e-2).contacts
+    x = np.linspace(2.2, 3.2, 2001)
+    lowest = float(np.min(resting.displacement(x, 0.0 * x) + Punch(1.0, 0.1).height(x - 2.2, 0.0)))
+    assert resting.approaches[1] == pytest.approx(lowest, abs=1e-6)
+    same = []
+    for shape in ("sphere", lambda x, y: 1.0 - np.sqrt(1.0 - x**2 - y**2)):  # the second has no value beyond r = 1
+        other = replace(resting.problem, balls=(balls[0], replace(balls[1], shape=shape)))
+        same.append(rest(replace(resting, problem=other), 1)[0])
+    assert same[1] == pytest.approx(same[0], abs=1e-9)
+    forces = [0.0]
+    for depth in (0.028, 0.034):  # touching at its edge only, and under its axis too
+        found = solve_contact(Problem(layer, balls, Load("approach", (resting.approaches[0], depth))), 1e-2).contacts
+        assert found.mutual_force[1, 0] < -1e-4
+        forces.append(float(found.normal_forces[1]))
+    assert np.all(np.diff(forces) > 5e-3)
 
 
 def test_a_profile_that_starts_above_its_axis_is_refused():

@@ -1,10 +1,12 @@
 """More than a hundred contacts far from the usual: deep, of very unlike sizes, on a stiff film, caps close by."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import linear_bem.memory
-from linear_bem import Ball, Elastic, Layer, LayeredKernel, Load, Problem, solve, solve_contact
+from linear_bem import Ball, Elastic, Layer, LayeredKernel, Load, Problem, Punch, solve, solve_contact
 from linear_bem.errors import TooLarge
 from linear_bem.far_field.pairs_and_mesh import FarField
 from linear_bem.lifted_balls import rest, rests
@@ -55,6 +57,10 @@ def test_caps_that_the_others_lift_rest_where_one_alone_would():
     together = [value for value, _ in rests(solution.contacts, lifted)]
     alone = [rest(solution.contacts, ball)[0] for ball in lifted[::5]]
     assert together[::5] == pytest.approx(alone, abs=1e-4 * max(depths))
+    flat = Ball(balls[lifted[0]].position, shape=Punch(0.6, 0.1), asperity=True)
+    other = replace(solution.problem, balls=(*balls[: lifted[0]], flat, *balls[lifted[0] + 1 :]))
+    contacts = replace(solution.contacts, problem=other)
+    assert rests(contacts, lifted[:2])[0] == rest(contacts, lifted[0])
 
 
 def test_a_mesh_that_does_not_fit_is_refused_with_its_size(monkeypatch):
