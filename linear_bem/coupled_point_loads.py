@@ -18,6 +18,7 @@ from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.far_field.coupled_system import Influence, solve_coupled
 from linear_bem.layer.ritz_indentation import estimates
+from linear_bem.load_control import deepest
 from linear_bem.problem import Problem
 from linear_bem.report import Report, silent
 
@@ -109,7 +110,7 @@ def _effective(
     mutual: Influence, relation: Relation, approaches: Array, start: Array, tolerance: float, report: Report
 ) -> Array:
     """Return the effective approaches [m] for a relation whose derivative is formed by finite differences."""
-    scale = float(np.max(np.abs(approaches)))
+    scale = deepest(approaches)
 
     def with_slope(d: Array) -> tuple[Array, Array]:
         report("coupled point loads")
@@ -127,7 +128,7 @@ def effective_approaches(
     ``start`` [m] is the first guess; ``tolerance`` bounds the residual over the largest approach.
     Raises `NotConverged`.
     """
-    d, scale = start, float(np.max(np.abs(approaches)))
+    d, scale = start, deepest(approaches)
 
     def residual(d: Array) -> tuple[Array, Array]:
         force, slope = relation(d)

@@ -9,6 +9,7 @@ from linear_bem.dual import has_kinks
 from linear_bem.grid.contacts import GridContacts
 from linear_bem.indenter import Cone, Ellipsoid, Indenter, Paraboloid, Punch, Sphere
 from linear_bem.lifted_balls import Contacts, overlapping
+from linear_bem.load_control import deepest
 from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.smooth.tangential_forces import half_space_pulls, layer_pulls
 
@@ -180,7 +181,7 @@ def errors_of_one(contacts: Contacts) -> Errors:
     gap = contacts.gap_in_contact
     radius = np.sqrt(np.maximum(contacts.contact_areas, 1e-300) / np.pi)
     degree = contacts.zones.degree
-    depth = gap * float(np.max(np.abs(contacts.approaches)))
+    depth = gap * deepest(contacts.approaches)
     peak = 4.0 * degree / radius * depth / (2.0 * np.pi * contacts.kernel.singular)
     share = peak / np.where(values["peak_pressure"] > 0.0, values["peak_pressure"], math.inf)
     shares = {"normal_force": 0.2 * gap, "approach": 0.2 * gap, "peak_pressure": share, "contact_area": share}

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.grid.contacts import GridContacts
-from linear_bem.load_control import unloaded
+from linear_bem.load_control import deepest, unloaded
 from linear_bem.problem import Problem
 from linear_bem.profiles import height, is_ball
 from linear_bem.report import Report, seldom, silent
@@ -133,7 +133,7 @@ def overlapping(contacts: Contacts) -> dict[int, tuple[float, tuple[float, float
     if not lifted:
         return {}
     few = not isinstance(contacts, SmoothContacts) or len(contacts.touching) <= CHECKED
-    least = (TOUCHING if few else OVERLOOKED) * float(np.max(np.abs(contacts.approaches)))
+    least = (TOUCHING if few else OVERLOOKED) * deepest(contacts.approaches)
     found = zip(lifted, rests(contacts, lifted), strict=True)
     depths = {i: (float(contacts.approaches[i]) - value, at) for i, (value, at) in found}
     return {i: (depth, at) for i, (depth, at) in depths.items() if depth > least}

@@ -25,6 +25,12 @@ def unloaded(load: Load) -> list[int]:
     return [i for i, q in enumerate(load.values) if q == 0.0] if load.kind == "force" else []
 
 
+def deepest(approaches: Array) -> float:
+    """Return the scale of gaps [m]: the deepest approach. Lifted balls may be far above the surface."""
+    largest = float(np.max(approaches))
+    return largest if largest > 0.0 else float(np.max(np.abs(approaches)))
+
+
 def force_error(load: Load, forces: Array) -> float:
     """Return the largest error of the prescribed forces over the largest of them; 0 for prescribed approaches."""
     if load.kind == "approach":

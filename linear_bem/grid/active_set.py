@@ -10,7 +10,8 @@ lose the same cells indefinitely.
 import numpy as np
 
 from linear_bem.arrays import Array, Mask
-from linear_bem.grid.cells import Cells, GridState, deepest
+from linear_bem.grid.cells import Cells, GridState
+from linear_bem.load_control import deepest
 from linear_bem.report import Report, silent
 
 CHANGES, STEPS = 100, 3000

@@ -25,12 +25,6 @@ class GridState:
     iterations: int
 
 
-def deepest(approaches: Array) -> float:
-    """Return the scale of gaps [m]: the deepest approach. Balls without load are far above the surface."""
-    largest = float(np.max(approaches))
-    return largest if largest > 0.0 else float(np.max(np.abs(approaches)))
-
-
 class Cells:
     """The cells of all patches as one vector, with the envelope of the balls over each cell and the groups of forces.
 

@@ -16,7 +16,7 @@ from linear_bem.grid.polonsky_keer import GridState, solve_bounded
 from linear_bem.grid.surface import drawn, surface_displacement
 from linear_bem.indenter import Indenter
 from linear_bem.layer.kernel import LayeredKernel
-from linear_bem.load_control import force_error, force_groups, unloaded
+from linear_bem.load_control import deepest, force_error, force_groups, unloaded
 from linear_bem.problem import Problem
 from linear_bem.profiles import gradient, height
 from linear_bem.report import Report, seldom, silent
@@ -199,7 +199,7 @@ class GridContacts:
     @cached_property
     def certificate(self) -> dict[str, float]:
         """Residuals recomputed at the cell centres from the returned pressures; see `SmoothContacts.certificate`."""
-        scale = float(np.max(np.abs(self.approaches)))
+        scale = deepest(self.approaches)
         peak = max(float(np.max(p)) for p in self.state.pressures)
         negative = -min(float(np.min(p)) for p in self.state.pressures) / peak
         inside = outside = product = 0.0

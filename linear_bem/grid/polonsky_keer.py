@@ -15,9 +15,9 @@ import numpy as np
 from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.grid.active_set import solve_active_set
-from linear_bem.grid.cells import Cells, GridState, deepest
+from linear_bem.grid.cells import Cells, GridState
 from linear_bem.grid.patches import Patches
-from linear_bem.load_control import Groups
+from linear_bem.load_control import Groups, deepest
 from linear_bem.report import Report, silent
 
 PATIENCE = 60

@@ -9,7 +9,7 @@ from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import smooth_state
-from linear_bem.load_control import force_groups, unloaded
+from linear_bem.load_control import deepest, force_groups, unloaded
 from linear_bem.problem import Problem
 from linear_bem.sequence.linearised import LinearisedContacts, LinearState
 from linear_bem.smooth.initial_guess import Guess, first_guess
@@ -138,7 +138,7 @@ class ContactSequence:
     ) -> SequenceState | None:
         """Return the state with an entry for every ball, None if it is not accurate enough."""
         touching = list(contacts.touching)
-        gap = state.gap / float(np.max(np.abs(state.approaches)))
+        gap = state.gap / deepest(state.approaches)
         forces = state.forces / contacts.kernel.singular
         pulls = half_space_pulls(contacts.kernel, places, forces)
         size = max(float(np.max(np.abs(state.mutual_force), initial=0.0)), 1e-4 * float(np.max(pulls)), 1e-300)

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from linear_bem.arrays import Array
 from linear_bem.layer.kernel import LayeredKernel
-from linear_bem.load_control import force_error
+from linear_bem.load_control import deepest, force_error
 from linear_bem.problem import Problem
 from linear_bem.profiles import gradient, height
 from linear_bem.report import Report, seldom, silent
@@ -220,7 +220,7 @@ class SmoothContacts:
     @property
     def gap_in_contact(self) -> float:
         """That of `certificate`, without the rest of it, which takes longer."""
-        return float(np.max(self._gaps_inside)) / float(np.max(np.abs(self.approaches)))
+        return float(np.max(self._gaps_inside)) / deepest(self.approaches)
 
     @cached_property
     def certificate(self) -> dict[str, float]:
@@ -231,7 +231,7 @@ class SmoothContacts:
         error of the prescribed forces; ``negative_pressure`` is 0: p is a square root. The relative error of the
         displacement is `EVALUATED` (`EVALUATED_OF_MANY`).
         """
-        scale = float(np.max(np.abs(self.approaches)))
+        scale = deepest(self.approaches)
         x, y, p = self._checks
         outside = slice(p.shape[1], None)
         free = self.pressure(x[:, outside], y[:, outside]) == 0.0

@@ -139,6 +139,18 @@ def test_the_peak_at_the_edge_of_a_stiff_film_is_covered_by_coarse_cells_too():
     assert edge_peak(levels[1]) > 0.02
 
 
+def test_a_ball_far_above_the_layer_changes_neither_residuals_nor_errors():
+    balls = (Ball((-1.2, 0.0), 1.0), Ball((1.5, 0.3), 1.0), Ball((0.0, 40.0), 1.0))
+    two, three = (
+        solve_contact(Problem(Layer(1.0, 0.48, 8.0), balls[: len(depths)], Load("approach", depths)), 1e-2)
+        for depths in ((0.5, 0.4), (0.5, 0.4, -50.0))
+    )
+    assert three.contacts.certificate == pytest.approx(two.contacts.certificate, rel=1e-3, abs=1e-9)
+    assert three.tangential_force_error[:2] == pytest.approx(two.tangential_force_error, rel=1e-3)
+    for what in NAMES:
+        assert three.errors[what][:2] == pytest.approx(two.errors[what], rel=1e-3, abs=1e-12)
+
+
 def test_a_cone_wide_against_its_tip_goes_to_a_grid():
     """No degree of polynomials is accurate enough."""
     problem = pair(Layer(1.0, 0.48, 1.16), Load("approach", (0.2, 0.2)), Cone(np.radians(30.0), 0.3))
