@@ -11,6 +11,7 @@ from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import smooth_state
 from linear_bem.load_control import deepest, force_groups, unloaded
 from linear_bem.problem import Problem
+from linear_bem.profiles import is_ball
 from linear_bem.sequence.linearised import LinearisedContacts, LinearState
 from linear_bem.smooth.initial_guess import Guess, first_guess
 from linear_bem.smooth.tangential_forces import half_space_pulls
@@ -173,5 +174,6 @@ def _lifted_may_touch(problem: Problem, kernel: LayeredKernel, state: SequenceSt
         return False
     r = cdist(problem.positions[lifted], problem.positions[touching])
     dent = kernel.displacement(r) @ state.normal_forces[touching]
-    # 0.95: the inclination of the surface under a lifted ball adds a few per cent of the displacement
-    return bool(np.any(state.approaches[lifted] > 0.95 * dent))
+    # the inclination of the surface under a lifted ball takes a few per cent of the displacement; others may be wide
+    margin = np.array([0.05 if is_ball(problem.balls[i]) else 1.0 for i in lifted]) * np.abs(dent)
+    return bool(np.any(state.approaches[lifted] > dent - margin))

@@ -13,6 +13,7 @@ from linear_bem import (
     Layer,
     Load,
     Problem,
+    Punch,
     UnsupportedProblem,
     solve,
     solve_contact,
@@ -91,6 +92,21 @@ def test_a_ball_that_gains_or_loses_contact_is_detected():
         full = solve(scene(approach), 1e-4)
         assert state.normal_forces == pytest.approx([b.normal_force for b in full.balls], rel=ACCURACY)
         assert (state.normal_forces[1] > 0.0) == (approach > 1e-3)
+
+
+def test_a_ball_that_a_bulge_touches_and_a_punch_that_touches_at_its_edge_are_detected():
+    def bulge(place, depth):
+        balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0), Ball((0.0, place), 1.0))
+        return Problem(Layer(1.0, 0.48, 1.16), balls, Load("approach", (0.3, 0.3, depth)))
+
+    def punch(depth):
+        balls = (Ball((0.0, 0.0), 1.0), Ball((2.2, 0.0), shape=Punch(1.0, 0.1)))
+        return Problem(Layer(1.0, 0.48, 8.0), balls, Load("approach", (0.48, depth)))
+
+    for lifted, touching in ((punch(-0.1), punch(0.028)), (bulge(2.01, -0.0143), bulge(2.0, -0.0116))):
+        sequence = ContactSequence(ACCURACY)
+        assert sequence.solve(lifted).normal_forces[-1] == 0.0
+        assert sequence.solve(touching).normal_forces[-1] > 1e-5
 
 
 def test_merging_contacts_are_solved_cold():
