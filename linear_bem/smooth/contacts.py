@@ -218,9 +218,14 @@ class SmoothContacts:
         return np.abs(self._gaps(slice(self._checks[2].shape[1])))
 
     @property
+    def gaps_in_contact(self) -> Array:
+        """Largest |gap| [m] in the contact of every ball of the `sample`."""
+        return np.max(self._gaps_inside, axis=1)
+
+    @property
     def gap_in_contact(self) -> float:
         """That of `certificate`, without the rest of it, which takes longer."""
-        return float(np.max(self._gaps_inside)) / deepest(self.approaches)
+        return float(np.max(self.gaps_in_contact)) / deepest(self.approaches)
 
     @cached_property
     def certificate(self) -> dict[str, float]:

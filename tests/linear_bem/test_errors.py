@@ -151,6 +151,15 @@ def test_a_ball_far_above_the_layer_changes_neither_residuals_nor_errors():
         assert three.errors[what][:2] == pytest.approx(two.errors[what], rel=1e-3, abs=1e-12)
 
 
+def test_the_errors_of_a_tip_pressed_lightly_into_the_dent_of_a_ball_are_covered():
+    balls = (Ball((0.0, 0.0), 1.0, "paraboloid"), Ball((2.0, 0.0), shape=Cone(0.5, 0.02)))
+    problem = Problem(Layer(1.0, 0.48, 8.0), balls, Load("approach", (0.4619383, 0.0474546)))
+    for ball, known in zip(solve(problem, 1e-2).balls, solve(problem, 1e-5).balls, strict=True):
+        assert abs(ball.normal_force - known.normal_force) <= ball.errors["normal_force"] < 0.01 * known.normal_force
+        off = abs(ball.tangential_force[0] - known.tangential_force[0])
+        assert off <= ball.tangential_force_error < 0.01 * abs(known.tangential_force[0])
+
+
 def test_a_cone_wide_against_its_tip_goes_to_a_grid():
     """No degree of polynomials is accurate enough."""
     problem = pair(Layer(1.0, 0.48, 1.16), Load("approach", (0.2, 0.2)), Cone(np.radians(30.0), 0.3))
