@@ -73,8 +73,10 @@ class _Slot:
         area = 1
         if contact.finite:
             area += contact.turning * (facing(ufl.diff(self.gap, displacement), self.gradient) - 1)
-        self.overlap = positive(-self._gap(contact, contact.earlier, self.fields["earlier"])) * contact.augmented
+        earlier = positive(-self._gap(contact, contact.earlier, self.fields["earlier"]))
+        self.overlap = earlier * contact.augmented
         self.pressed = positive(self.overlap - self.gap)
+        self.touches = ufl.gt(ufl.conditional(ufl.gt(contact.augmented, 0), earlier, 0), self.gap)
         self.pressure = self.fields["penalty"] * self.pressed * area
         self.density = self.fields["penalty"] / 2 * (self.pressed**2 - self.overlap**2) * area
 
@@ -197,7 +199,9 @@ class Contact:
 
         The force along "x", "y" and "normal" [N], its "stiffness" [N/m], "area" [m^2], and over the undeformed surface
         "moment", int p g [N m], and "weight", int p [N]. Forces are the derivative of the potential by the ball's
-        position, with the sign of the force on the ball; the stiffness is the second derivative by its approach.
+        position, with the sign of the force on the ball; the stiffness is the second derivative by its approach. The
+        area is where the gap is below the penetration of the multipliers' source, zero without multipliers: under stiff
+        penalties the pressure oscillates and vanishes at points of the contact.
         """
         sums: dict[str, Any] = {}
         for slot in self.slots:
@@ -205,7 +209,7 @@ class Contact:
             values = {
                 "x": -ufl.diff(slot.density, slot.x), "y": -ufl.diff(slot.density, slot.y), "normal": normal,
                 "stiffness": ufl.diff(normal, slot.approach),
-                "area": ufl.conditional(ufl.gt(slot.pressed, 0), stretch, 0),
+                "area": ufl.conditional(slot.touches, stretch, 0),
                 "moment": slot.pressure * slot.gap, "weight": slot.pressure,
             }  # fmt: skip
             for name, value in values.items():

@@ -18,6 +18,7 @@ from tests.finite_strain.scenes import (
     coarse_plan,
     coarse_rig,
     pair,
+    relatively,
     single,
 )
 
@@ -46,14 +47,16 @@ def augmented(problem: Problem, folder: Path, level: Discretisation) -> Rig:
     ("name", "level", "largest", "mean"),
     [("balls", CUBIC, 0.06, 0.02), ("incompressible", QUADRATIC, 0.16, 0.08), ("cone", QUADRATIC, 0.16, 0.08)],
 )
-def test_the_pressure_at_the_nodes_is_that_of_the_linear_model(
+def test_pressure_at_the_nodes_and_contact_area_are_those_of_the_linear_model(
     name: str, level: Discretisation, largest: float, mean: float, tmp_path: Path
 ) -> None:
     problem = at_small_strain(SCENES[name])
-    surface = TopSurface(augmented(problem, tmp_path, level).model).gathered()
+    model, solution = augmented(problem, tmp_path, level).model, solve_contact(problem)
+    surface = TopSurface(model).gathered()
     assert surface is not None
-    exact = solve_contact(problem).pressure(*surface.points[:, :2].T)
+    exact = solution.pressure(*surface.points[:, :2].T)
     off = np.abs(surface.pressure - exact) / exact.max()
     assert np.count_nonzero(exact) > 50
     assert off.max() < largest  # at the edge, where the slope is infinite
     assert math.sqrt(np.mean(off[exact > 0.0] ** 2)) < mean
+    assert model.readings.contact_areas()[0] == relatively(solution.contacts.contact_areas[0], 0.02)

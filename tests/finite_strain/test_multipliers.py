@@ -111,7 +111,7 @@ def test_multipliers_keep_the_contact_area_of_the_state_that_they_come_from(tmp_
     assert rig.model.contact.penalised.turning == 1.0
 
 
-def test_stiffer_penalties_halve_the_penetration_that_multipliers_leave(tmp_path: Path) -> None:
+def test_stiffer_penalties_halve_the_penetration_left_by_multipliers_and_keep_the_area(tmp_path: Path) -> None:
     rig = quadratic_rig(pair(0.2, poisson=0.3), tmp_path, ONE_LOAD)
     *_, last = rig.press()
     assert rig.run.enforce(last) == 0  # a state without multipliers stays as it is
@@ -135,6 +135,7 @@ def test_stiffer_penalties_halve_the_penetration_that_multipliers_leave(tmp_path
     assert abs(after.mean_gap[0]) < abs(before.mean_gap[0])
     # discretisation: at order 2 the contact's edge moves within its elements; 3e-4 here
     assert after.normal_force == relatively(before.normal_force, 1e-3)
+    assert after.contact_area == relatively(before.contact_area, 0.01)  # half of its points are without pressure
     assert last.newton_iterations > iterations
     assert last.residual <= rig.solver.tolerance
 
