@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -112,8 +111,7 @@ class MeshRun:
         self.own = ModelRun(plan, meshed, box, level, observer, name, locations)
         self.small: ModelRun | None = None
         if plan.is_paired:
-            pair = replace(plan, problem=replace(plan.problem, finite_strain=None))
-            self.small = ModelRun(pair, meshed, box, level, observer, f"{name}, small strain", locations)
+            self.small = ModelRun(plan.pair, meshed, box, level, observer, f"{name}, small strain", locations)
 
     def close(self) -> None:
         """Free the objects of both models (collective)."""

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 
 from finite_strain.geometry.estimates import LEAST_SHARE, alone, edge_of, known_shape, with_expressions
@@ -20,7 +20,7 @@ from linear_bem.depth import depth_faults
 from linear_bem.errors import InvalidProblem, ThirdBodyError, UnsupportedProblem
 from linear_bem.indenter import HeightFunction
 from linear_bem.law import Law
-from linear_bem.problem import Problem, SurfaceResponse
+from linear_bem.problem import Elements, Problem, SurfaceResponse
 from meshes.box import Box, Zone, half_widths
 
 MODELS = ("finite_strain", "small_strain")
@@ -92,6 +92,12 @@ class RunPlan:
     def is_paired(self) -> bool:
         """Whether the small-strain problem is solved beside the hyperelastic one."""
         return self.is_hyperelastic and not self.has_free_sides
+
+    @property
+    def pair(self) -> "RunPlan":
+        """The plan of the small-strain problem beside this one, with elements of the same form: their errors cancel."""
+        elements = Elements(describe_forms(self.problem)["layer"])
+        return replace(self, problem=replace(self.problem, finite_strain=None, elements=elements))
 
     @property
     def has_own_functions(self) -> bool:

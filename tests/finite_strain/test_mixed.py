@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -14,10 +14,12 @@ pytest.importorskip("dolfinx")
 import dolfinx
 import ufl
 
-from finite_strain import compat
+from finite_strain import compat, one_discretisation
 from finite_strain.geometry.extent import Extent
+from finite_strain.mechanics.volumetric import describe_forms
+from finite_strain.one_discretisation import MeshRun
 from finite_strain.planning.records import Discretisation
-from linear_bem import Elastic, Layer, Load, Problem
+from linear_bem import Elastic, FiniteStrain, Layer, Load, Problem
 from linear_bem.closed_forms import indentation_of_layer, long_force
 from tests.finite_strain.scenes import (
     CUBIC,
@@ -324,3 +326,18 @@ def test_the_answer_does_not_depend_on_the_unit_of_length(tmp_path_factory: pyte
         answers.append((rig.normal_forces()[0] / (pascal * metre**2), sum(r.newton_iterations for r in records)))
     assert answers[1][0] == relatively(answers[0][0], 1e-8)  # solver, on equal meshes: powers of two scale exactly
     assert abs(answers[1][1] - answers[0][1]) <= 3
+
+
+def test_the_pair_has_elements_of_the_same_form(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(one_discretisation, "ModelRun", lambda plan, *_: plan.problem)
+    solid = pair(0.1, poisson=0.495, substrate=STIFF_SUBSTRATE)
+    mu, lame = solid.layer.shear_modulus, solid.layer.lame_first
+
+    def psi(F: Any) -> Any:
+        J = ufl.det(F)
+        return mu / 2 * (ufl.inner(F, F) - 3 - 2 * ufl.ln(J)) + lame / 2 * (J - 1) ** 2
+
+    for problem in (solid, in_form("displacement", solid), replace(solid, finite_strain=FiniteStrain(psi))):
+        run: Any = MeshRun(coarse_plan(problem), QUADRATIC, *[None] * 4)
+        assert run.small.finite_strain is None
+        assert describe_forms(run.small) == describe_forms(run.own)
