@@ -16,6 +16,8 @@ WIDEST = 2.0
 """Largest distance from the axis at which a body without an edge may touch, over its radius or contact radius."""
 _SAME = 1e-9
 """Relative tolerance within which positions and values count as mirror images."""
+_SAMPLES, _GOLDEN = np.arange(200), math.pi * (3.0 - math.sqrt(5.0))
+"""Numbers of the points where a body is compared with its mirror image, and the angle between two: they fill a disc."""
 
 
 @dataclass(frozen=True)
@@ -105,10 +107,12 @@ def reduce_scene(problem: Problem, planes: tuple[int, ...] | None = None) -> Red
 
     With ``planes``, the frame is the scene's own, cut at those of the ``planes`` that are mirror planes.
     """
-    values, positions = prescribed(problem).values, problem.positions
+    load, positions = prescribed(problem), problem.positions
+    values, expected = load.values, load.expected()
+    reaches = [_reach(ball, e.contact_radius) for ball, e in zip(problem.balls, expected, strict=True)]
     if planes is not None:
-        there = tuple(axis for axis in planes if _is_mirror(problem, values, positions, axis, 0.0))
-        return _cut(problem, 0.0, np.zeros(2), there, positions)
+        there = tuple(axis for axis in planes if _is_mirror(problem, values, reaches, positions, axis, 0.0))
+        return _cut(problem, reaches, 0.0, np.zeros(2), there, positions)
     angles = [0.0]
     for a, b in combinations(positions[:12], 2):
         angles.append(math.remainder(math.atan2(b[1] - a[1], b[0] - a[0]), math.pi / 2))
@@ -118,16 +122,18 @@ def reduce_scene(problem: Problem, planes: tuple[int, ...] | None = None) -> Red
         local = positions @ turn.T
         centre = 0.5 * (local.min(axis=0) + local.max(axis=0))
         local = local - centre
-        planes = tuple(axis for axis in (0, 1) if _is_mirror(problem, values, local, axis, angle))
+        planes = tuple(axis for axis in (0, 1) if _is_mirror(problem, values, reaches, local, axis, angle))
         score = len(planes) + (0.5 if np.ptp(local[:, 1]) <= _SAME * np.ptp(local) else 0.0)
         return score, angle, turn.T @ centre, planes, local
 
     _, angle, origin, planes, local = max(map(framed, angles), key=lambda frame: frame[0])
-    return _cut(problem, angle, origin, planes, local)
+    return _cut(problem, reaches, angle, origin, planes, local)
 
 
-def _is_mirror(problem: Problem, values: tuple[float, ...], local: np.ndarray, axis: int, angle: float) -> bool:
-    if not all(_is_even(ball, axis, angle) for ball in problem.balls):
+def _is_mirror(
+    problem: Problem, values: tuple[float, ...], reaches: list[float], local: np.ndarray, axis: int, angle: float
+) -> bool:
+    if not all(_is_even(ball, reach, axis, angle) for ball, reach in zip(problem.balls, reaches, strict=True)):
         return False
     size = max(float(np.ptp(local)), *(ball.radius for ball in problem.balls))
     others, mirrored = list(zip(problem.balls, values, local, strict=True)), local * (1.0 - 2.0 * np.eye(2)[axis])
@@ -141,12 +147,12 @@ def _is_mirror(problem: Problem, values: tuple[float, ...], local: np.ndarray, a
     )
 
 
-def _is_even(ball: Ball, axis: int, angle: float) -> bool:
-    """Return whether an indenter's shape is its own mirror image along an axis of a frame turned by ``angle``."""
+def _is_even(ball: Ball, reach: float, axis: int, angle: float) -> bool:
+    """Return whether a body within its reach is its own mirror image along an axis of a frame turned by ``angle``."""
     if not isinstance(ball.shape, Indenter):
         return True
-    reach = min(ball.shape.reach, ball.shape.apex_radius)
-    points = reach * np.array([[0.3, 0.1], [0.1, 0.3], [0.25, 0.2]])
+    spiral = reach * np.sqrt((_SAMPLES + 0.5) / len(_SAMPLES)) * np.exp(1j * _GOLDEN * _SAMPLES)
+    points = np.column_stack([spiral.real, spiral.imag])
     images = points * np.where(np.arange(2) == axis, -1.0, 1.0)
     c, s = math.cos(angle), math.sin(angle)
     turn = np.array([[c, -s], [s, c]])
@@ -154,17 +160,19 @@ def _is_even(ball: Ball, axis: int, angle: float) -> bool:
     return bool(np.allclose(here, there, rtol=1e-9, atol=1e-12 * reach))
 
 
-def _cut(problem: Problem, angle: float, origin: np.ndarray, planes: tuple[int, ...], local: np.ndarray) -> Reduction:
+def _cut(
+    problem: Problem, reaches: list[float], angle: float, origin: np.ndarray, planes: tuple[int, ...],
+    local: np.ndarray,
+) -> Reduction:  # fmt: skip
     size = max(float(np.ptp(local)), *(ball.radius for ball in problem.balls))
     local = np.where(np.abs(local) <= _SAME * size, 0.0, local)
     balls: list[ModelBall] = []
-    expected = prescribed(problem).expected()
     for index, (ball, position) in enumerate(zip(problem.balls, local, strict=True)):
         if all(position[axis] >= 0.0 for axis in planes):
             fixed = tuple(axis for axis in planes if position[axis] == 0.0)
             x, y = (float(c) for c in position)
-            shape, reach = known_shape(ball), _reach(ball, expected[index].contact_radius)
-            balls.append(ModelBall(index, (x, y), ball.radius, shape, 2 ** len(fixed), fixed, reach))
+            copies = 2 ** len(fixed)
+            balls.append(ModelBall(index, (x, y), ball.radius, known_shape(ball), copies, fixed, reaches[index]))
     images = []
     for position in local:
         signs = [-1 if axis in planes and position[axis] < 0.0 else 1 for axis in (0, 1)]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
 
 from finite_strain.geometry.symmetry import reduce_scene
-from linear_bem import Ball, Load, Problem
+from linear_bem import Ball, Cone, Ellipsoid, Indenter, Load, Problem, Punch
 from tests.finite_strain.scenes import balls_at, on_layer, pair
 
 ROUNDOFF = 1e-12
@@ -73,6 +75,44 @@ def test_unequal_loads_leave_only_the_plane_along_the_line_of_balls(kind: str) -
     reduction = reduce_scene(scene(balls, Load(kind, (0.1, 0.2))))
     assert reduction.planes == (1,)
     assert [ball.index for ball in reduction.balls] == [0, 1]
+
+
+@dataclass(frozen=True)
+class Flank(Indenter):
+    """A ball of radius 1 m that is steeper on one side, from 0.31 m on."""
+
+    apex_radius = 1.0
+
+    def height(self, x: Any, y: Any) -> Any:
+        return 0.5 * (x**2 + y**2) + 4.0 * np.maximum(0.0, x - 0.31) ** 2
+
+
+@dataclass(frozen=True)
+class TurnedPunch(Indenter):
+    """A flat elliptical punch whose axes are turned by 0.5 rad."""
+
+    apex_radius = reach = 1.0
+
+    def height(self, x: Any, y: Any) -> Any:
+        along, across = np.cos(0.5) * x + np.sin(0.5) * y, np.cos(0.5) * y - np.sin(0.5) * x
+        return 2.0 * np.maximum(0.0, along**2 / 0.8**2 + across**2 / 0.5**2 - 1.0) ** 2
+
+
+@pytest.mark.parametrize(
+    ("body", "planes"),
+    [
+        (Flank(), (1,)),
+        (TurnedPunch(), ()),
+        (Cone(math.radians(20.0), 0.1), (0, 1)),
+        (Ellipsoid((1.0, 0.7, 0.8)), (0, 1)),
+        (Punch(0.5, 0.01), (0, 1)),
+    ],
+)
+def test_a_plane_mirrors_whole_bodies_not_only_what_is_near_their_apex(body: Indenter, planes: tuple[int, ...]) -> None:
+    balls = balls_at((-1.3, 0.0), (1.3, 0.0), shape=body)
+    assert reduce_scene(scene(balls, Load("approach", (0.5, 0.5)))).planes == planes
+    is_round = isinstance(body, Cone | Punch)
+    assert reduce_scene(scene(turned(balls, 0.3))).planes == ((0, 1) if is_round else ())
 
 
 def test_one_total_force_on_a_pair_keeps_both_planes() -> None:
