@@ -99,6 +99,8 @@ class Contact:
         self.facets, self.cells = _top_cells(self.mesh, facet_tags.find(TAGS["top"]))
         self.slots = self._make_slots()
         near = np.any([slot.balls[self.cells] >= 0 for slot in self.slots], axis=0)
+        self.touchable = np.unique(self.cells[near]).astype(np.int32)
+        """The cells below the top that may touch a ball."""
         marked = np.sort(self.facets[near]).astype(np.int32)
         tags = dolfinx.mesh.meshtags(self.mesh, 2, marked, np.ones(len(marked), dtype=np.int32))
         measure = ufl.Measure("ds", domain=self.mesh, subdomain_data=tags, metadata={"quadrature_degree": degree})
@@ -109,13 +111,11 @@ class Contact:
         self.approaches = self.penalties = np.zeros(len(balls))
 
     def _make_slots(self) -> list[_Slot]:
-        """Assign to every cell below the top the balls that it may touch, the smallest gap first."""
+        """Assign to every cell below the top the balls that it may touch, of each kind the smallest gap first."""
         index_map = self.mesh.topology.index_map(3)
         constants = compat.function_space(self.mesh, 0, discontinuous=True)
         corners = self.mesh.geometry.x[compat.geometry_dofs(self.mesh)[self.cells, :8]]
-        self.nearest = np.full(index_map.size_local + index_map.num_ghosts, -1)
-        """Of every cell below the top: the ball with the smallest gap, -1 for none (cells,)."""
-        slots, smallest = [], np.full(len(self.cells), np.inf)
+        slots = []
         for kind in dict.fromkeys(ball.shape for ball in self.balls):
             numbers = np.array([n for n, ball in enumerate(self.balls) if ball.shape == kind])
             centres = np.array([self.balls[n].position for n in numbers])
@@ -123,9 +123,6 @@ class Contact:
             distances = np.linalg.norm(corners[:, None, :, :2] - centres[None, :, None], axis=-1)
             heights = distances.mean(axis=2) ** 2 / (2.0 * radii)
             heights[distances.min(axis=2) > REACH * np.array([self.balls[n].reach for n in numbers])] = np.inf
-            closer = heights.min(axis=1) < smallest
-            self.nearest[self.cells[closer]] = numbers[heights.argmin(axis=1)[closer]]
-            smallest = np.minimum(smallest, heights.min(axis=1))
             order = np.argsort(heights, axis=1)
             for rank in range(min(CANDIDATES, len(numbers))):
                 chosen = order[:, rank]
@@ -191,7 +188,7 @@ class Contact:
         self.augmented.value = 0.0
 
     def choose(self, balls: np.ndarray) -> None:
-        """Set the weights (balls,) of the balls in the forms of `per_ball`."""
+        """Set the weights (balls,) of the balls in `readings`, `configurational_form`, `pressure` and `penetration`."""
         self.set("chosen", balls)
 
     def readings(self, stretch: Any) -> dict[str, Any]:
@@ -233,12 +230,15 @@ class Contact:
         return total
 
     def pressure(self) -> Any:
-        """Return the contact pressure per undeformed area [Pa], an expression in the cells below the top."""
-        return sum(slot.pressure for slot in self.slots)
+        """Return the chosen balls' pressure per undeformed area [Pa], an expression in the cells below the top."""
+        return sum(slot.fields["chosen"] * slot.pressure for slot in self.slots)
 
     def penetration(self) -> Any:
-        """Return the penetration of the surface into a ball in contact [m], also an expression."""
-        return sum(ufl.conditional(ufl.gt(slot.pressure, 0), positive(-slot.gap), 0) for slot in self.slots)
+        """Return the penetration of the surface into a chosen ball in contact [m], also an expression."""
+        return sum(
+            ufl.conditional(ufl.gt(slot.fields["chosen"] * slot.pressure, 0), positive(-slot.gap), 0)
+            for slot in self.slots
+        )
 
 
 def facing(slope: Any, gradient: Any) -> Any:

@@ -21,14 +21,18 @@ class MeanPressure:
     """Means of the contact pressure per deformed area over the test functions of a scalar Lagrange space."""
 
     def __init__(self, model: Model, space: Any) -> None:
-        self.space, self._means = space, dolfinx.fem.Function(space)
+        self.contact, self.space, self._means = model.contact, space, dolfinx.fem.Function(space)
         self._asked = constant(model.mesh, 0.0)
         value = ufl.conditional(ufl.gt(self._asked, 0), model.contact.pressure() / model.stretch, 1)
         self._form = compat.compile_form(value * ufl.TestFunction(space) * model.contact.measure, model.comm)
         self._work = compat.ghosted_vector(self._form, space)
 
-    def __call__(self) -> np.ndarray:
-        """Return the means [Pa] at local nodes, ghosts included; zero where no facet may touch a ball (collective)."""
+    def __call__(self, balls: np.ndarray) -> np.ndarray:
+        """Return the means [Pa] at local nodes, ghosts included, of the pressure of balls with weights (balls,).
+
+        They are zero where no facet may touch a ball (collective).
+        """
+        self.contact.choose(balls)
         parts = []
         for asked in (1.0, 0.0):
             self._asked.value = asked

@@ -17,23 +17,19 @@ class Extremes:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        nearest = model.contact.nearest
-        self._cells = np.unique(model.contact.cells[nearest[model.contact.cells] >= 0]).astype(np.int32)
-        self._balls = nearest[self._cells]
-        dofs = compat.cell_dofs(model.space)[self._cells]
+        dofs = compat.cell_dofs(model.space)[model.contact.touchable]
         self._is_top = on_top(model.space, model.facet_tags)[dofs]
         nodes = lattice_of(dofs.shape[1]).points
         self._values = compat.compile_expression(model.contact.penetration(), nodes, model.comm)
         self._pressure = MeanPressure(model, model.linear_space)
-        points = model.linear_space.tabulate_dof_coordinates()
-        axes = np.array([ball.position for ball in model.contact.balls])
-        self._nearest = np.linalg.norm(points[:, None, :2] - axes[None], axis=-1).argmin(axis=1)
 
     def __call__(self) -> np.ndarray:
         """Return the largest pressure per deformed area [Pa] and penetration [m], shape (balls, 2) (collective)."""
-        values = compat.evaluate(self._values, self.model.mesh, self._cells, (1,))
-        answer = np.zeros((len(self.model.contact.balls), 2))
-        np.maximum.at(answer[:, 1], self._balls, np.where(self._is_top, values[:, :, 0], 0.0).max(axis=1))
-        np.maximum.at(answer[:, 0], self._nearest, self._pressure())
+        contact = self.model.contact
+        answer = np.zeros((len(contact.balls), 2))
+        for largest, chosen in zip(answer, np.eye(len(answer)), strict=True):
+            pressures = self._pressure(chosen)
+            depths = compat.evaluate(self._values, self.model.mesh, contact.touchable, (1,))[:, :, 0]
+            largest[:] = pressures.max(initial=0.0), depths.max(initial=0.0, where=self._is_top)
         self.model.comm.Allreduce(MPI.IN_PLACE, answer, op=MPI.MAX)  # in lower case it compares whole arrays
         return answer

@@ -38,7 +38,7 @@ class TopSurface:
 
     def pressure(self) -> np.ndarray:
         """Return the contact pressure [Pa] per deformed area at this rank's nodes; zero below the top."""
-        values = self._means()[self._dofs] @ self._shapes.T
+        values = self._means(np.ones(len(self.model.contact.balls)))[self._dofs] @ self._shapes.T
         averaged = self.nodes.averaged([(self._cells.astype(np.int32), values[:, :, None])])[:, 0]
         return np.where(self._is_top, np.maximum(averaged, 0.0), 0.0)
 

@@ -230,3 +230,7 @@ def test_contact_forces_of_two_balls_on_a_fixed_surface_are_independent(
     for ball, approach, force in zip(balls, approaches, forces, strict=True):
         # k int (D - r^2 / 2R) dA over the circle; discretisation: the facet rule across the kink
         assert force[2] == relatively(PENALTY * math.pi * ball.radius * approach**2, 0.03)
+    flat(model, [0.5, -0.2])  # what touches the first ball beyond the middle is not under the second
+    pressed, lifted = Extremes(model)()
+    assert pressed[1] == relatively(0.5, 1e-8)
+    assert (lifted == 0.0).all()
