@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from finite_strain.contact.contact_energy import Penalised
+from finite_strain.discretisation.nodal_values import on_top
 from finite_strain.discretisation.unknowns import Values
 from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.force.distortion import Distortion, distortion, film_left
@@ -150,7 +151,8 @@ class LoadPath:
     def distorted(self) -> Distortion:
         """Return the distortion of the present state (collective)."""
         model = self.model
-        return distortion(model.space, model.nodal, [ball.position for ball in model.contact.balls], model.mirrors)
+        top, axes = on_top(model.space, model.facet_tags), [ball.position for ball in model.contact.balls]
+        return distortion(model.space, model.nodal, top, axes, model.mirrors)
 
     def film(self) -> float:
         """Return the smallest share of the layer's thickness left under a ball in the present state (collective)."""

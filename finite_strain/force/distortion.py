@@ -74,11 +74,13 @@ class Distortion:
 
 
 def distortion(
-    space: Any, nodal: np.ndarray, axes: Sequence[Sequence[float]], mirrors: np.ndarray | bool = True
-) -> Distortion:
+    space: Any, nodal: np.ndarray, top_nodes: np.ndarray, axes: Sequence[Sequence[float]],
+    mirrors: np.ndarray | bool = True,
+) -> Distortion:  # fmt: skip
     """Return the distortion under displacements (local nodes, 3) [m] (collective).
 
-    ``axes`` (balls, 2) [m] of balls; ``mirrors`` (x and y, low and high): whether that side is a plane of symmetry.
+    ``top_nodes`` (local nodes,): those on the top; ``axes`` (balls, 2) [m] of balls; ``mirrors`` (x and y, low and
+    high): whether that side is a plane of symmetry.
     """
     cells = CellNodes(space)
     F = np.eye(3) + cells.gradient(nodal)
@@ -90,7 +92,7 @@ def distortion(
     comm.Allreduce(MPI.IN_PLACE, ends, op=MPI.MIN)
     low, high = ends[:3], -ends[3:]
     top, deep = high[2], high[2] - low[2]
-    on_top = points[..., 2] > top - 1e-9 * deep
+    on_top = top_nodes[cells.dofs]
     stretch, seen = np.sqrt(np.maximum(squared, 0.0)), np.linalg.det(F[..., :2, :2])
     values = np.linalg.det(F), np.where(on_top, stretch, np.inf), np.where(on_top, seen, np.inf)
     least: list[tuple[float, list[float]]] = []
