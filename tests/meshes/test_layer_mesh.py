@@ -161,7 +161,6 @@ def test_a_block_beyond_the_box_raises_and_writes_no_mesh(tmp_path: Path) -> Non
     assert not (tmp_path / "wide.msh").exists()
 
 
-@pytest.mark.filterwarnings("ignore:unclosed file .*libffcx:ResourceWarning")  # left open by the form compiler
 def test_the_mesh_reads_into_dolfinx_and_carries_linear_fields_exactly(tmp_path: Path) -> None:
     dolfinx = pytest.importorskip("dolfinx")
     import ufl  # noqa: PLC0415

@@ -166,7 +166,7 @@ def _state(problem: Problem, fraction: float, number: int, model: str, accuracy:
         balls=tuple(balls), step=number + 1, mesh=1, fraction=fraction, iterations=5, tangents=3,
         augmentation_iterations=2, augmented=True, cuts=0, residual=1e-12, tolerance=1e-11,
         penetration=1e-6, force_balance=1e-9, smallest_volume_ratio=0.9,
-        smallest_surface_stretch=0.9, smallest_seen_area=0.9, surface_crossing=0.0, distorted_at={}, strain_energy=1.0,
+        smallest_surface_stretch=0.9, smallest_seen_area=0.9, surface_crossing=0.0, film=0.9, distorted_at={}, strain_energy=1.0,
         linear_solver="cholesky (mumps)",
         linear_iterations=9, linear_fallbacks=0, residuals=[1e-3, 1e-12],
         seconds=0.1, linear_failure="", pair_weight=[1.0] * len(balls), imbalance=0.0, imbalance_error=0.0,
