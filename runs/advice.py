@@ -1,7 +1,8 @@
 """What ``plan`` advises: which absent effects would matter and by how much, and which present ones do not.
 
-Every change refers to the largest tangential force on a ball. The linear model computes it with and without the effect;
-only the change by finite strain comes from a fit (`runs.comparison.strengthening_fit`), as computing it takes minutes.
+Every change refers to the tangential force on one ball, that with the largest. The linear model computes it with and
+without the effect; only the change by finite strain comes from a fit (`runs.comparison.strengthening_fit`), as it takes
+minutes to compute.
 """
 
 import dataclasses
@@ -52,20 +53,22 @@ class Adviser:
 
     ``law`` is the name of its law at finite strain, which the problem itself does not have.
 
+    ``ball``: the ball judged, by default the one with the largest T.
+
     ``patience``: total time limit [s] of its solutions; ``left_out``: effects whose solutions would exceed it;
     ``spent``: estimated time [s] of the solutions so far.
     """
 
     def __init__(
         self, problem: Problem, ahead: Result, accuracy: float | None, effects: tuple[str, ...],
-        patience: float = PATIENCE, law: str = FITTED_LAW,
+        patience: float = PATIENCE, law: str = FITTED_LAW, ball: int | None = None,
     ) -> None:  # fmt: skip
         self.problem, self.law = problem, law
         self.ahead = ahead
         self.effects, self.patience = effects, patience
         self.accuracy = accuracy or USUAL
         sizes = [math.hypot(*ball.tangential_force) for ball in ahead.balls]
-        self.ball = sizes.index(max(sizes))
+        self.ball = sizes.index(max(sizes)) if ball is None else ball
         self.size = sizes[self.ball]
         self.away = np.hypot(*offsets_from(problem.positions[self.ball], problem).T).tolist()
         self.run = Run(max(SHARE * self.accuracy, 1e-4))

@@ -84,7 +84,10 @@ def measured(
 
 
 def closest(problem: Problem, ahead: Result) -> tuple[Problem, Result]:
-    """Return the ball with the largest T and its nearest ones, with their solution; all if few, or in a cell."""
+    """Return the ball with the largest T, first, and its nearest ones, with their solution; all if few, or in a cell.
+
+    In this solution another ball may have the largest T, as its own neighbours are missing.
+    """
     if problem.size <= CLOSE or problem.periodic is not None:
         return problem, ahead
     place = problem.positions[leading_ball([ball.to_dict() for ball in ahead.balls])]

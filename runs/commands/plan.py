@@ -98,18 +98,20 @@ def _advice(
 
     ``seen``: numbers of its balls; ``patience``: time limit [s].
     """
-    leading = seen[leading_ball([ball.to_dict() for ball in ahead.balls])]
+    ball = leading_ball([each.to_dict() for each in ahead.balls])
+    leading = seen[ball]
     close, near = closest(part, ahead)
+    ball = ball if close is part else 0
     if near is ahead and "periodic" in scene.drift:  # it was solved in the cell
         near = measured(close, ROUGH)
     chosen = (scene.problem.finite_strain or FiniteStrain()).chosen
     law = chosen.name if isinstance(chosen, Law) else "an own one"
-    adviser = Adviser(close, near, scene.tangential_force, scene.effects, patience, law)
+    adviser = Adviser(close, near, scene.tangential_force, scene.effects, patience, law, ball)
     inputs, notes = None, []
     with waiting("the linear model with and without each effect, for this plan's advice; --no-advice leaves it out"):
         advice = adviser.advise()
         if problem.size > 1 and adviser.affords(sensitivity.SOLUTIONS):
-            inputs = sensitivity.record(close)
+            inputs = sensitivity.record(close, ball)
         elif problem.size > 1:
             adviser.left_out.append(sensitivity.TITLE)
     if adviser.left_out:
@@ -120,9 +122,9 @@ def _advice(
         which = f"ball {leading}, which has the largest T of those solved, and its {ABOUT - 1} nearest neighbours"
         notes.append(f"the advice considers only {which}")
     if inputs is not None and "ball" in inputs:
-        inputs = {**inputs, "ball": seen[inputs["ball"]] if close is part else leading}
+        inputs = {**inputs, "ball": leading}
     if advice and problem.balls[leading].radius != problem.balls[0].radius:
-        notes.append(f"R in the changes of the scene is the radius of ball {leading}")
+        notes.append(f"in the changes of the scene, R is the radius of ball {leading}")
     return advice, inputs, notes
 
 

@@ -73,15 +73,17 @@ class Sensitivity:
     lengths: float
 
 
-def sensitivity(problem: Problem, step: float = STEP) -> Sensitivity | None:
+def sensitivity(problem: Problem, step: float = STEP, ball: int | None = None) -> Sensitivity | None:
     """Return the sensitivity of T at full load to the inputs of ``problem``; None where no T acts.
+
+    T is that on a ``ball``, by default the one with the largest.
 
     Raises the errors of the linear model, and `UnsupportedProblem` for bodies without a parameter of size.
     """
     problem = without(problem, ["finite_strain"])
     solve, solutions = MODELS["linear_bem"].solve, list[Solution]()
     states = solve(problem, Run(PRECISION, inspect=solutions.append)).balls
-    ball = leading_ball([state.to_dict() for state in states])
+    ball = leading_ball([state.to_dict() for state in states]) if ball is None else ball
     x, y = states[ball].tangential_force
     size = math.hypot(x, y)
     if size <= max(states[ball].tangential_force_error, ROUNDOFF * max(s.normal_force for s in states)):
@@ -100,10 +102,10 @@ def sensitivity(problem: Problem, step: float = STEP) -> Sensitivity | None:
     return Sensitivity(ball, exponents, (nu, other), changed - 1.0, moduli, lengths)
 
 
-def record(problem: Problem) -> dict[str, Any] | None:
+def record(problem: Problem, ball: int | None = None) -> dict[str, Any] | None:
     """Return the JSON object of `sensitivity` or the reason for a failure; None where no T acts."""
     try:
-        found = sensitivity(problem)
+        found = sensitivity(problem, ball=ball)
     except ThirdBodyError as error:
         return {"failure": str(error)}
     return None if found is None else asdict(found)

@@ -252,16 +252,32 @@ def test_advice_on_a_part_of_a_cell_names_the_balls_of_the_scene(monkeypatch: py
     few = dataclasses.replace(ROW, balls=ROW.balls[4:7], load=Load("approach", (0.1,) * 3))
     ahead = solve(few, look_ahead.ROUGH)
     monkeypatch.setattr(plan.Adviser, "advise", lambda _: ["some"])
-    monkeypatch.setattr(plan.sensitivity, "record", lambda _: {"ball": 1})
+    monkeypatch.setattr(plan.sensitivity, "record", lambda _, ball=None: {"ball": ball})
     scene = SimpleNamespace(drift={}, problem=few, tangential_force=None, effects=("periodic",))
     small = dataclasses.replace(ROW.balls[0], radius=0.5)
     whole = dataclasses.replace(ROW, balls=(small, *ROW.balls[1:]))
     part = dataclasses.replace(few, periodic=Periodic((40.0, 10.0)))
     _, inputs, notes = plan._advice(scene, whole, part, ahead, range(4, 7), 60.0)
-    assert inputs == {"ball": 5}
+    assert inputs == {"ball": 4 + leading_ball([ball.to_dict() for ball in ahead.balls])}
     (note,) = notes  # R of the legend is that of ball 0
-    assert note.startswith("R in the changes of the scene is the radius of ball ")
+    assert note.startswith("in the changes of the scene, R is the radius of ball ")
     assert plan._advice(scene, ROW, part, ahead, range(4, 7), 60.0)[2] == []
+
+
+def test_advice_on_many_balls_is_about_the_ball_that_leads_among_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    few = dataclasses.replace(ROW, balls=ROW.balls[:3], load=Load("approach", (0.1,) * 3))
+    ahead = solve(few, look_ahead.ROUGH)
+    # without their own neighbours, others may have the largest T
+    near = dataclasses.replace(ahead, balls=(ahead.balls[1], *ahead.balls[::2]))
+    assert leading_ball([ball.to_dict() for ball in near.balls]) != 0
+    asked = []
+    monkeypatch.setattr(plan, "closest", lambda *_: (dataclasses.replace(few, balls=few.balls[::-1]), near))
+    monkeypatch.setattr(plan.Adviser, "advise", lambda adviser: [adviser.ball])
+    monkeypatch.setattr(plan.sensitivity, "record", lambda _, ball=None: asked.append(ball))
+    scene = SimpleNamespace(drift={}, problem=few, tangential_force=None, effects=())
+    advice, *_ = plan._advice(scene, ROW, few, ahead, range(3), 60.0)
+    assert advice == [0]
+    assert asked == [0]
 
 
 def test_the_time_planned_is_that_of_an_idle_machine(

@@ -38,6 +38,15 @@ def test_exponents_add_up_as_dimensions_demand(load: Load) -> None:
     assert order == pytest.approx(2.0, abs=0.1)
 
 
+def test_the_sensitivity_may_be_that_of_another_ball_than_the_leading_one() -> None:
+    scene = pair(Load("approach", (0.1, 0.1)), thickness=math.inf)
+    first, second = sensitivity.sensitivity(scene), record(scene, 1)
+    assert first is not None
+    assert second is not None
+    assert (first.ball, second["ball"]) == (0, 1)
+    assert second["exponents"] == pytest.approx(first.exponents, abs=1e-6)
+
+
 def test_touching_balls_are_only_moved_apart() -> None:
     found = sensitivity.sensitivity(pair(Load("approach", (0.15, 0.15)), thickness=3.0))
     assert found is not None
