@@ -13,6 +13,8 @@ from runs.process.json_values import Document
 SHARE, LEAST, MOST = 0.05, 1e-4, 1e-3
 """Accuracy of the linear T over that of the scene, and its bounds: its error must not affect a ratio. A higher accuracy
 of the scene counts for the linear T, too."""
+COST = ("seconds", "unknowns", "iterations", "notes")
+"""What the record of a state says of its solution."""
 
 
 def accuracy_beside(tangential_force: float | None) -> float:
@@ -24,20 +26,21 @@ def accuracy_beside(tangential_force: float | None) -> float:
 class LinearStates:
     """Linear states of a load path, each solved once; ``earlier`` is a saved comparison whose states are reused.
 
-    Reused states share one account of their solution.
+    The record of a state holds its account `COST`; states saved without it are solved again.
     """
 
     def __init__(self, problem: Problem, tangential_force: float | None, earlier: Mapping[str, Any]) -> None:
         self.problem = without(problem, ["finite_strain"])
         self.accuracy = accuracy_beside(tangential_force)
-        self._solved: dict[tuple[str, tuple[float, ...]], tuple[Step, Solved | None]] = {}
+        self.versions: Mapping[str, str] = {}
+        self._solved: dict[tuple[str, tuple[float, ...]], Step] = {}
         finite = earlier.get("finite", {}).get("steps", [])
         for key, kind, name in (("linear", "force", "normal_force"), ("linear_at_approach", "approach", "approach")):
             known = earlier.get(key, {}).get("steps", [])
-            account = Solved.from_dict({**earlier[key]["solved"], "converged": True}) if known else None
             for step, state in zip(finite, known, strict=False):
-                if "failure" not in state.get("record", {}):
-                    self._solved[kind, _values(step, name)] = (Step.from_dict(state), account)
+                if {*COST} <= state.get("record", {}).keys():
+                    self._solved[kind, _values(step, name)] = Step.from_dict(state)
+                    self.versions = earlier[key]["solved"]["versions"]
 
     def at_force(self, steps: Sequence[Mapping[str, Any]]) -> Document:
         """Return the linear result at the normal forces of ``steps``, both as JSON objects."""
@@ -48,34 +51,33 @@ class LinearStates:
         return self._along("approach", "approach", steps).to_dict()
 
     def _along(self, kind: LoadKind, name: str, steps: Sequence[Mapping[str, Any]]) -> Result:
-        found = [self._state(kind, _values(step, name)) for step in steps]
-        states = tuple(state for state, _ in found)
-        accounts = list({id(account): account for _, account in found if account is not None}.values())
+        states = tuple(self._state(kind, _values(step, name)) for step in steps)
+        records = [state.record for state in states if "failure" not in state.record]
         solved = Solved(
-            all(a.converged for a in accounts) and not any("failure" in state.record for state in states),
-            sum(a.iterations for a in accounts),
-            max((a.unknowns for a in accounts), default=0),
-            sum(a.seconds for a in accounts),
-            versions=accounts[-1].versions if accounts else {},
-            notes=tuple(dict.fromkeys(note for a in accounts for note in a.notes)),
+            len(records) == len(states),
+            sum(record["iterations"] for record in records),
+            max((record["unknowns"] for record in records), default=0),
+            sum(record["seconds"] for record in records),
+            versions=self.versions,
+            notes=tuple(dict.fromkeys(note for record in records for note in record["notes"])),
         )
         return Result("linear_bem", states[-1].balls, solved, states)
 
-    def _state(self, kind: LoadKind, values: tuple[float, ...]) -> tuple[Step, Solved | None]:
+    def _state(self, kind: LoadKind, values: tuple[float, ...]) -> Step:
         if (kind, values) not in self._solved:
             self._solved[kind, values] = self._solve(kind, values)
         return self._solved[kind, values]
 
-    def _solve(self, kind: LoadKind, values: tuple[float, ...]) -> tuple[Step, Solved | None]:
+    def _solve(self, kind: LoadKind, values: tuple[float, ...]) -> Step:
         record: dict[str, Any] = {"prescribed": kind}
         if max(values) <= 0.0:
-            return self._nothing({**record, "failure": "no ball is pressed in"}), None
+            return self._nothing({**record, "failure": "no ball is pressed in"})
         try:
             result = MODELS["linear_bem"].solve(self.problem.with_load(kind, values), Run(self.accuracy))
         except ThirdBodyError as error:  # one missing ratio must not end a long finite-strain run
-            return self._nothing({**record, "failure": f"linear model: {error}"}), None
-        record |= {"seconds": result.solved.seconds, "unknowns": result.solved.unknowns}
-        return Step(result.balls, record), result.solved
+            return self._nothing({**record, "failure": f"linear model: {error}"})
+        self.versions = result.solved.versions
+        return Step(result.balls, record | {key: getattr(result.solved, key) for key in COST})
 
     def _nothing(self, record: dict[str, Any]) -> Step:
         nan = math.nan

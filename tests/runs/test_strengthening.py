@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
 import pytest
 
-from runs.comparison.linear_states import accuracy_beside
+from linear_bem import Ball, Layer, Load, Problem
+from linear_bem.result import BallResult, Result, Solved
+from runs.comparison.linear_states import LinearStates, accuracy_beside
 from runs.comparison.strengthening_factors import answer, compare_steps, strengthening
 from runs.display.numbers import (
     Scale,
@@ -19,6 +22,7 @@ from runs.display.numbers import (
     with_error_in_parentheses,
 )
 from runs.display.rows import compared_ball_rows, comparison_rows, may_turn
+from runs.models import MODELS, Run
 
 SCALE = Scale(1.0, 1.0)
 
@@ -214,6 +218,30 @@ def test_a_large_change_is_in_whole_percent() -> None:
 @pytest.mark.parametrize(("asked", "taken"), [(None, 1e-3), (0.3, 1e-3), (0.01, 5e-4), (1e-3, 1e-4), (1e-5, 1e-5)])
 def test_the_linear_force_beside_another_is_known_better_but_not_in_vain(asked: float | None, taken: float) -> None:
     assert accuracy_beside(asked) == pytest.approx(taken)
+
+
+@pytest.mark.parametrize("accounted", [True, False])
+def test_the_account_of_a_resumed_comparison_is_that_of_its_own_states(
+    accounted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = []
+
+    def solve_linear(problem: Problem, run: Run) -> Result:
+        (value,) = problem.load.values
+        made.append(value)
+        alone = BallResult((0.0, 0.0), 1.0, 0.1, value, (0.0, 0.0), 0.0, 1.0, 1.0)
+        return Result("linear_bem", (alone,), Solved(True, round(value), 7, value, notes=(f"at {value:g}",)))
+
+    monkeypatch.setitem(MODELS, "linear_bem", dataclasses.replace(MODELS["linear_bem"], solve=solve_linear))
+    problem = Problem(Layer(1.0, 0.45, 1.5), (Ball((0.0, 0.0), 1.0),), Load("force", (1.0,)))
+    coarse, fine = ([{"balls": [{"normal_force": value}]} for value in values] for values in ((1.0, 2.0), (1.0, 5.0)))
+    saved = {"finite": {"steps": coarse}, "linear": LinearStates(problem, None, {}).at_force(coarse)}
+    if not accounted:  # as earlier versions saved them
+        saved["linear"]["steps"] = [{**step, "record": {"prescribed": "force"}} for step in saved["linear"]["steps"]]
+    solved = LinearStates(problem, None, saved).at_force(fine)["solved"]
+    assert made == [1.0, 2.0, *([] if accounted else [1.0]), 5.0]
+    assert (solved["iterations"], solved["unknowns"], solved["seconds"]) == (6, 7, 6.0)
+    assert solved["notes"] == ["at 1", "at 5"]
 
 
 def test_a_short_number_keeps_three_digits() -> None:
