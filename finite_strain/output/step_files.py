@@ -96,12 +96,13 @@ def missing_files(folder: Path, numbers: list[int]) -> list[str]:
 
 
 def move_steps(source: Path, target: Path) -> None:
-    """Move all files of one folder into another, where they replace those of the same names."""
+    """Move all files of one folder into another, where they replace those of the same names; write the index of all."""
     for path in source.iterdir():
         if (old := target / path.name).is_dir():  # of VTX
             shutil.rmtree(old)
         path.replace(old)
     source.rmdir()
+    _write_index(target)
 
 
 def stem(number: int) -> str:
@@ -112,8 +113,13 @@ def stem(number: int) -> str:
 def write_step_and_index(folder: Path, number: int) -> None:
     """Write the XDMF file of a step with an HDF5 file, and the index over all such steps."""
     _write(folder / f"{stem(number)}.xdmf", [_grid(folder, number, timed=False)], temporal=False)
+    _write_index(folder)
+
+
+def _write_index(folder: Path) -> None:
     numbers = sorted(int(path.stem.removeprefix("step_")) for path in folder.glob("step_*.h5"))
-    _write(folder / INDEX, [_grid(folder, n, timed=True) for n in numbers], temporal=True)
+    if numbers:
+        _write(folder / INDEX, [_grid(folder, n, timed=True) for n in numbers], temporal=True)
 
 
 def _grid(folder: Path, number: int, timed: bool) -> Xml.Element:

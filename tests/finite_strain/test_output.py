@@ -18,6 +18,7 @@ from finite_strain import compat
 from finite_strain.discretisation.nodal_values import CellNodes
 from finite_strain.output.field_catalogue import CATALOGUE, FieldChoice
 from finite_strain.output.field_writer import FieldWriter
+from finite_strain.output.step_files import INDEX, move_steps, write_step_and_index
 from finite_strain.output.top_surface import TopSurface
 from finite_strain.planning.records import Discretisation
 from linear_bem import Elastic, Ellipsoid, Problem
@@ -288,6 +289,20 @@ def test_every_nth_step_and_the_last_are_written() -> None:
     assert [n for n in range(1, 8) if choice.wants(n, n / 7.0)] == [3, 6, 7]
     with pytest.raises(InvalidProblem, match="unknown mises"):
         FieldChoice(("mises",), every=0)
+
+
+def test_the_index_has_the_steps_of_both_folders_after_a_move(tmp_path: Path) -> None:
+    finer = tmp_path / "finer"
+    finer.mkdir()
+    for folder, number in ((tmp_path, 1), (tmp_path, 2), (finer, 2), (finer, 3)):
+        with h5py.File(folder / f"step_{number:04d}.h5", "w") as file:
+            file["points"], file["cells"] = np.zeros((8, 3)), np.arange(8)[None]
+            for group in ("node_fields", "cell_fields"):
+                file.create_group(group)
+        write_step_and_index(folder, number)
+    move_steps(finer, tmp_path)
+    index = (tmp_path / INDEX).read_text(encoding="utf-8")
+    assert [f"step_{number:04d}.h5:/points" in index for number in range(1, 5)] == [True, True, True, False]
 
 
 @pytest.mark.mpi
