@@ -171,7 +171,7 @@ class Progress:
         leading = leading_ball(balls)
         ball = balls[leading]
         deepest = max(each["approach"] for each in balls)
-        share = f" ({100.0 * deepest / self.goal:.0f} %)" if self.goal else ""
+        share = f" ({100.0 * deepest / self.goal:.0f} % of the load)" if self.goal else ""
         words = [f"step {step.record.get('step', '')}".strip()]
         if self.scale.unlike or len(balls) > 2:
             words.append(f"ball {leading}")

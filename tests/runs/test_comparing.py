@@ -81,7 +81,7 @@ def test_the_folder_holds_scene_log_and_figures(compared: tuple[dict[str, Any], 
     assert (out / "scene.toml").read_text(encoding="utf-8") == SCENE.read_text(encoding="utf-8")
     log = (out / "run.log").read_text(encoding="utf-8")
     assert "numpy" in log
-    assert "D = 0.1 R (100 %)" in log
+    assert "D = 0.1 R (100 % of the load)" in log
     for name in ("tangential_force.png", "tangential_force.svg", "surface.png"):
         assert (out / name).stat().st_size > 10_000, name
     assert not list(out.glob(".part*"))

@@ -32,7 +32,7 @@ def test_a_step_that_was_printed_has_been_passed_on(capsys: pytest.CaptureFixtur
         STEP, lambda: None
     )
     assert printed == [""]
-    assert "step 3   D = 0.1 R (50 %)   Q = 0.2 E R\u00b2   5 iterations" in capsys.readouterr().err
+    assert "step 3   D = 0.1 R (50 % of the load)   Q = 0.2 E R\u00b2   5 iterations" in capsys.readouterr().err
 
 
 def test_the_steps_of_three_balls_are_told_of_the_one_with_the_largest_force(
@@ -44,7 +44,7 @@ def test_the_steps_of_three_balls_are_told_of_the_one_with_the_largest_force(
     ]
     progress = Progress(Scale(1.0, 1.0), 0.2, root=True, take=lambda _: None)
     progress.step_done(Step(tuple(balls), {"step": 1}), lambda: None)
-    assert "step 1   ball 0   D = 0.1 R (50 %)   Q = 0.2 E R\u00b2   T/Q = 0.005" in capsys.readouterr().err
+    assert "step 1   ball 0   D = 0.1 R (50 % of the load)   Q = 0.2 E R\u00b2   T/Q = 0.005" in capsys.readouterr().err
 
 
 def test_the_share_of_the_load_is_that_of_the_deepest_ball(capsys: pytest.CaptureFixture[str]) -> None:
@@ -53,7 +53,7 @@ def test_the_share_of_the_load_is_that_of_the_deepest_ball(capsys: pytest.Captur
     ]
     progress = Progress(Scale(1.0, 1.0), 0.2, root=True, take=lambda _: None)
     progress.step_done(Step(tuple(balls), {"step": 1}), lambda: None)
-    assert "D = 0.1 R (100 %)" in capsys.readouterr().err
+    assert "D = 0.1 R (100 % of the load)" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("root", [True, False])
