@@ -5,7 +5,7 @@ from typing import Any
 from linear_bem.result import Result, Step
 from runs.display import figures, tables
 from runs.display.numbers import bodies, leading_ball, line_of
-from runs.display.rows import legend_of_balls, legend_of_line, path_rows
+from runs.display.rows import LEGEND, legend_of_balls, legend_of_line, path_rows
 from runs.process.json_values import Document, as_given
 from runs.scene.scene_file import Scene
 from runs.session.session import Options, Session, conduct
@@ -62,8 +62,9 @@ def _show(session: Session, document: Document) -> None:
         path = path_rows(steps, leading, session.scale, periodic=periodic)
         tables.show(out, f"load path of ball {leading}", path, session.scale)
         _, kind = line_of(balls, leading, balls[leading]["tangential_force"], periodic=periodic)
-        if periodic or len(balls) > 2:
-            tables.say(out, legend_of_line(balls, kind))
+        legend = legend_of_line(balls, kind)
+        if legend != LEGEND:  # which is that of the balls
+            tables.say(out, legend)
     if not periodic:
         tables.say(out, *legend_of_balls(balls, session.scale))
     tables.say(

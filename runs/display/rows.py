@@ -62,14 +62,14 @@ def legend_of_balls(balls: Sequence[Mapping[str, Any]], scale: Scale) -> list[st
 
 def legend_of_line(balls: Sequence[Mapping[str, Any]], kind: str, along: str = "T") -> str:
     """Return the sign convention of T over a load path; ``kind`` is that of the `line_of` the force ``along``."""
-    part = f"T: the part along {along} at full load"
+    part = f"T here: the component along {along} at full load"
     if kind == "tangential" and len(balls) > 1:
         return part
     return LEGEND if len(balls) < 3 else f"{LEGEND}; {part}"
 
 
 def path_rows(steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale, *, periodic: bool = False) -> list[Row]:
-    """Return the load path of one ball; T is the part along the `line_of` T at full load."""
+    """Return the load path of one ball; T is the component along the `line_of` T at full load."""
     rows, unit, last = [], scale.units.force, steps[-1]["balls"]
     (x, y), _ = line_of(last, ball, last[ball]["tangential_force"], periodic=periodic)
     for index, step in enumerate(steps, start=1):

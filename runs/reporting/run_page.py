@@ -14,6 +14,7 @@ from runs.display.rows import (
     ball_rows,
     compared_line,
     comparison_rows,
+    legend_of_balls,
     legend_of_line,
     path_rows,
 )
@@ -63,6 +64,7 @@ def _common(
         "notes": list(solved["notes"]),
         "balls": ball_rows(balls, scale, periodic=periodic),
         "legend": scale.legend(),
+        "signs_of_balls": [] if periodic else legend_of_balls(balls, scale),
         "accuracy": _accuracy(solved),
         "versions": [{"library": k, "version": str(v)} for k, v in (solved.get("versions") or {}).items()],
     }

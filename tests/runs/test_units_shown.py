@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import html
 import io
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
@@ -13,6 +15,7 @@ from rich.console import Console
 from linear_bem import Ball, Load
 from linear_bem.result import BallResult, Result, Solved
 from runs.commands.plan import plan_scene
+from runs.commands.solve import _show as show_solution
 from runs.display import figures, plan_words, tables
 from runs.display.numbers import Scale, bodies
 from runs.display.rows import ball_rows, legend_of_balls, path_rows
@@ -180,7 +183,22 @@ def test_a_load_path_in_a_cell_does_not_depend_on_which_images_give_the_position
         rows = path_rows(steps, 0, Scale.of(read.problem, read.data), periodic=True)
         assert [row["T / Q"] for row in rows] == pytest.approx([2e-3, 4e-3])
         figures.draw_path(tmp_path, steps, Scale.of(read.problem, read.data), "linear_bem", periodic=True)
-    assert titles == ["T: the part along T at full load"] * 2
+    assert titles == ["T here: the component along T at full load"] * 2
+
+
+@pytest.mark.parametrize("across", [True, False])
+def test_a_load_path_says_where_its_t_is_not_that_towards_the_other_ball(
+    across: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")  # one line each
+    read = scene(tmp_path)
+    found = [ball.to_dict() | {"tangential_force": [1e-4, 2e-3 * across]} for ball in balls(read)]
+    document = {"model": "linear_bem", "balls": found, "steps": [{"balls": found}] * 2}
+    session = SimpleNamespace(problem=read.problem, scene=read, scale=Scale.of(read.problem, read.data))
+    show_solution(session, document | {"solved": Solved(True, 1, 1, 1.0).to_dict()})  # type: ignore[arg-type]
+    printed = capsys.readouterr().out
+    assert ("T here: the component along T at full load" in printed) is across
+    assert printed.count("T > 0: towards the other balls") == 1
 
 
 def test_the_balls_with_the_largest_t_are_named_by_its_size_not_by_its_part_along_one_line(tmp_path: Path) -> None:
@@ -220,6 +238,18 @@ def test_the_report_has_the_scenes_units_and_names_the_ball(tmp_path: Path) -> N
     # one number for what is known of T, above and below: the largest error over the balls
     assert page.count("3 %") == 2
     assert "0.1 %" not in page  # of the ball shown alone
+
+
+def test_the_report_on_several_balls_says_what_the_sign_of_t_means(tmp_path: Path) -> None:
+    text = SCENE.replace('["2.5 mm", "4 mm"]', '"2 mm"').replace('[["-4 mm", 0],', '[[0, "9 mm"], ["-4 mm", 0],')
+    read = scene(tmp_path, text)
+    result = Result("linear_bem", tuple(balls(read)), Solved(True, 1, 1, 1.0))
+    document = result.to_dict(read.data)
+    document["balls"][0]["tangential_force"] = [3e-3, 0.0]  # across the line to the others
+    identity = {"command": "solve", "problem": {"balls": [{"radius": 2e-3}] * 3, "layer": {"young": 57.4e3}}}
+    page = html.unescape(page_of(Folder(tmp_path, identity, True, document, text, "")))
+    assert page.count("<p>T > 0: towards the other balls (attraction)") == 1
+    assert "<p>largest |T|: ball 0 (3 mN)" in page
 
 
 class Full(io.StringIO):
