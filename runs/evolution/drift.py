@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from linear_bem.arrays import Array, Mask
-from linear_bem.errors import NotConverged
+from linear_bem.errors import NotConverged, ThirdBodyError
 from runs.evolution.forces import Forces, State
 from runs.evolution.hard_balls import HardBalls, Pairs, resistances
 
@@ -94,7 +94,8 @@ class Drift:
     ) -> Iterator[Moment]:  # fmt: skip
         """Yield every moment from ``start`` until sigma = ``end`` or until nothing moves, both included.
 
-        Only the last moment depends on ``end``: if a step would pass it, shorter ones to ``end`` yield no others.
+        Only the last moment depends on ``end``: if a step would pass it, shorter ones to ``end`` yield no others, even
+        where nothing moves any more. Forces that fail beyond ``end`` do not matter.
         """
         x, state, ending = start, self.forces(start), False
         while True:
@@ -106,14 +107,19 @@ class Drift:
                 step = 0.02 * self._longest(speed)
             resting = speed <= self.rest
             moment = Moment(sigma, x, state, contacts, pushes, speed, step, spare, resting, steps)
-            ended = resting or sigma >= AT_END * end
+            ended = (resting and not ending) or sigma >= AT_END * end
             if ended or not ending:
                 yield moment
             if ended:
                 return
             if not ending:
-                advanced = self._advance(moment, velocity, np.inf)
-                ending = sigma + advanced[0] > end
+                try:
+                    advanced = self._advance(moment, velocity, np.inf)
+                    ending = sigma + advanced[0] > end
+                except ThirdBodyError:
+                    if sigma + step <= end:
+                        raise
+                    ending = True  # the forces may fail beyond the end only
             if ending:
                 advanced = self._advance(moment, velocity, end)
             taken, x, state, step, spare = advanced

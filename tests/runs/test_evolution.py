@@ -246,12 +246,28 @@ def test_where_a_path_ends_changes_its_last_moment_alone(foam: Provider) -> None
     coarse, fine = (Drift(forces, balls, each, REST) for each in (tolerance, 0.01 * tolerance))
     whole = list(coarse.path(problem.positions, 2.0))
     sigma = np.array([moment.sigma for moment in whole])
-    for before, share in ((3, 0.9), (5, 0.3), (11, 0.9)):  # balls touch at the end of these steps
+    for before, share in ((3, 0.9), (5, 0.3), (11, 0.9), (11, 0.95)):  # balls touch, at last all, at their ends
         end = float(sigma[before] + share * (sigma[before + 1] - sigma[before]))
         cut = list(coarse.path(problem.positions, end))
         assert [moment.sigma for moment in cut] == [*sigma[: before + 1], pytest.approx(end, rel=1e-12)]
         true = list(fine.path(problem.positions, end))[-1]
         assert np.max(np.abs(cut[-1].positions - true.positions)) < 2.0 * tolerance
+
+
+def test_forces_that_fail_beyond_the_end_of_a_path_do_not_matter() -> None:
+    balls, start = HardBalls.of(scene(line(2, 0.03))), np.array(line(2, 0.03))
+
+    def failing(x: Array) -> State:
+        if np.ptp(x[:, 0]) < 0.023:  # at sigma = 3.5
+            raise UnsupportedProblem("too near")
+        return State(np.array([[1e-3, 0.0], [-1e-3, 0.0]]), np.ones(2), np.zeros(2))
+
+    for end in (3.0, 3.45):
+        moments = list(Drift(failing, balls, TOLERANCE, REST).path(start, end))
+        assert np.ptp(moments[-1].positions[:, 0]) == pytest.approx(0.03 - 2e-3 * end, rel=1e-12)
+        assert position_error(moments, failing, balls, start, TOLERANCE, REST) < TOLERANCE
+    with pytest.raises(UnsupportedProblem, match="too near"):
+        list(Drift(failing, balls, TOLERANCE, REST).path(start, 3.6))
 
 
 def test_a_pair_settles_at_the_distance_where_its_force_vanishes() -> None:
