@@ -191,24 +191,29 @@ def _law(problem: Problem, kernel: LayeredKernel, distance: Array, q: Array, are
     towards = (problem.positions - problem.positions[:, None]) / r[:, :, None]
     force = -np.einsum("ij,ijk->ik", products * kernel.slope(r), towards)
     squares = np.array([squared_axes(ball, part) for ball, part in zip(problem.balls, area, strict=True)])
-    return force, np.sum(products * neglected(kernel, r, squares[:, None] + squares), axis=1)
+    return force, np.sum(products * neglected(second_terms(kernel, r), r, squares[:, None] + squares), axis=1)
 
 
-def neglected(kernel: LayeredKernel, r: Array, squares: Array) -> Array:
+def neglected(second: Array, r: Array, squares: Array) -> Array:
     """Return the neglected part of T at distances ``r`` [m] over the product of both forces [1/N].
 
-    ``squares`` [m^2], of the shape of ``r`` and 2, are the sums of both contacts' `squared_axes`.
+    ``second`` are the `second_terms` there; ``squares`` [m^2], of the shape of ``r`` and 2, are the sums of both
+    contacts' `squared_axes`.
     """
-    step, (mean, apart) = 1e-3 * r, np.moveaxis(squares, -1, 0)
+    mean, apart = np.moveaxis(squares, -1, 0)
+    total = second[0] * mean / 10.0 + second[1] * apart / 10.0
+    return np.asarray(total * (1.0 + LATER_TERMS * (mean + apart) / r**2))
 
-    def bent(r: Array, sign: float) -> Array:
-        return np.asarray((kernel.slope(r + step) - kernel.slope(r - step)) / (2.0 * step) + sign * kernel.slope(r) / r)
 
-    total = np.zeros(r.shape)
-    for square, sign in ((mean, 1.0), (apart, -1.0)):
-        if square.any():
-            total += np.abs(bent(r + step, sign) - bent(r - step, sign)) / (2.0 * step) * square / 10.0
-    return total * (1.0 + LATER_TERMS * (mean + apart) / r**2)
+def second_terms(kernel: LayeredKernel, r: Array) -> Array:
+    """Return the sizes [1/(N m^2)] at distances ``r`` [m] that both `squared_axes` multiply, shape 2 and that of r."""
+    step = 1e-3 * r
+
+    def bent(r: Array) -> Array:
+        bend, ratio = (kernel.slope(r + step) - kernel.slope(r - step)) / (2.0 * step), kernel.slope(r) / r
+        return np.stack([bend + ratio, bend - ratio])
+
+    return np.asarray(np.abs(bent(r + step) - bent(r - step)) / (2.0 * step))
 
 
 def squared_axes(ball: Ball, area: float) -> tuple[float, float]:

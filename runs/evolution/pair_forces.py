@@ -28,19 +28,28 @@ from linear_bem.coupled_point_loads import effective_approaches
 from linear_bem.errors import NotConverged
 from linear_bem.far_field.coupled_system import Influence
 from linear_bem.layer.kernel import LayeredKernel
+from linear_bem.point_load import neglected, second_terms
 from linear_bem.problem import Problem
 from linear_bem.touching import wrapped
 from runs.evolution.forces import State
 from runs.evolution.pair_list import CUT, DENSE, CutLaw, PairList, SparseAndMesh
 
+FAR = np.geomspace(1.0, 1e3, 72)
+"""Distances over the smallest diameter at which the terms that point loads neglect are known."""
 FEW = 20
 """Number of balls in a cell up to which their influence is formed as a matrix: a state applies it more often."""
 
 
 class SingleBall:
-    """Force of one ball alone over its approach, from a few states; power laws outside them."""
+    """Force of one ball alone over its approach, from a few states; power laws outside them.
 
-    def __init__(self, approaches: Sequence[float], forces: Sequence[float]) -> None:
+    ``squares`` [m^2] are the `linear_bem.point_load.squared_axes` of its largest contact, for the error of point loads.
+    """
+
+    def __init__(
+        self, approaches: Sequence[float], forces: Sequence[float], squares: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
+        self.squares = squares
         self._d, self._q = np.log(approaches), np.log(forces)
         self._force = CubicSpline(self._d, self._q)
         self._approach = CubicSpline(self._q, self._d)
@@ -73,7 +82,8 @@ class PairLaw:
     """Influence k(L) [m/N] and pull c(L) [1/N]: the point-load law, ``corrected`` to given values if there are any.
 
     ``corrected``: distances [m], and influence and pull there; the differences over `linear`'s envelopes are
-    interpolated. ``errors``: distances [m], rising, and the error of pull there [1/N].
+    interpolated. ``errors``: distances [m], rising, and the error of pull there [1/N]; that of point loads is what they
+    neglect.
     """
 
     def __init__(
@@ -85,6 +95,8 @@ class PairLaw:
         self.kernel, self._errors = LayeredKernel.of(problem), errors
         self._thickness = problem.layer.thickness
         self._curves = None
+        self._far = 2.0 * min(ball.radius for ball in problem.balls) * FAR
+        self._second = second_terms(self.kernel, self._far) if corrected is None else None
         if corrected is not None:
             distances, influence, pull = corrected
             k, c, k_size, c_size = self.linear(distances)
@@ -101,8 +113,14 @@ class PairLaw:
         length = 1.0 / (2.0 / distance + 1.0 / self._thickness)
         return value, -slope, np.hypot(value, length * slope), np.hypot(slope, length * bend)
 
-    def error(self, distance: Array) -> Array:
-        """Return the error of pull [1/N] at distances [m]: linear between given ones, as 1/L^2 beyond the last."""
+    def error(self, distance: Array, squares: Array) -> Array:
+        """Return the error of pull [1/N] at distances [m]: linear between given ones, as 1/L^2 beyond the last.
+
+        ``squares`` (2, pairs) [m^2] are the sums of both balls' `SingleBall.squares`.
+        """
+        if self._second is not None:
+            second = np.stack([np.interp(distance, self._far, row) for row in self._second])
+            return neglected(second, distance, squares.T)
         if self._errors is None:
             return np.zeros(distance.shape)
         at, errors = self._errors
@@ -127,8 +145,8 @@ class PairForces:
     """Forces of many balls from a `SingleBall` per kind of ball and a `PairLaw`, neglected beyond its reach.
 
     ``share`` is the error of adding pairs, over the largest T in a state, as measured on three and four balls: the
-    error of T is this plus what the law's own error gives if it has one sign at all distances. ``cell`` holds the
-    lengths [m] of a periodic cell; ``cut`` is the share of the law below which it is neglected.
+    error of T is this plus the law's own errors, summed over the neighbours of a ball. ``cell`` holds the lengths [m]
+    of a periodic cell; ``cut`` is the share of the law below which it is neglected.
     """
 
     def __init__(
@@ -141,6 +159,7 @@ class PairForces:
         cut: float = CUT,
     ) -> None:
         self.problem, self.singles, self.law, self.share, self.cell = problem, list(singles), law, share, cell
+        self._squares = np.array([single.squares for single in self.singles]).T.copy()
         kinds = dict.fromkeys(self.singles)
         self._kinds = [(s, np.array([i for i, t in enumerate(self.singles) if t is s])) for s in kinds]
         self._approaches = np.array(problem.load.values, dtype=float)
@@ -175,15 +194,14 @@ class PairForces:
         if not np.any(normal > 0.0):
             raise NotConverged("pair forces: no ball carries load")
 
-        def summed(pull: Array) -> Array:
-            strength = pull * normal[pairs.first] * normal[pairs.second] / distance
-            return np.stack([pairs.summed(strength * along) for along in between.T], axis=1)
-
-        tangential = summed(pull)
+        strength = pull * normal[pairs.first] * normal[pairs.second] / distance
+        tangential = np.stack([pairs.summed(strength * along) for along in between.T], axis=1)
         if self._waves is not None:
             tangential += normal[:, None] * self._waves.slope(points, normal)
-        own = summed(np.where(distance < self.reach, self.law.error(distance), 0.0))
-        error = self.share * np.max(np.hypot(*tangential.T)) + np.max(np.hypot(*own.T))
+        squares = np.take(self._squares, pairs.first, axis=1) + np.take(self._squares, pairs.second, axis=1)
+        errors = self.law.error(distance, squares)
+        own = normal * (pairs.matrix(np.where(distance < self.reach, errors, 0.0)) @ normal)
+        error = self.share * np.max(np.hypot(*tangential.T)) + np.max(own)
         return State(tangential, normal, np.full(len(normal), error))
 
     def cut_error(self, positions: Array) -> float:

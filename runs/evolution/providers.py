@@ -6,19 +6,16 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from linear_bem.arrays import Array
 from linear_bem.errors import UnsupportedProblem
-from linear_bem.layer.kernel import LayeredKernel
-from linear_bem.point_load import neglected, squared_axes
+from linear_bem.point_load import squared_axes
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import Result
 from runs.display.numbers import count, duration
 from runs.evolution.equilibria import DIFFERENCE
 from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
-from runs.evolution.pair_table import DEPTHS, MANY, PairTable, common_ball
+from runs.evolution.pair_table import DEPTHS, PairTable, common_ball
 from runs.models import MODELS, Model, Run, planned_runs, time_on
 from runs.process import ranks
 from runs.process.json_values import Document
@@ -155,15 +152,14 @@ def table_of(
 
 
 def point_loads(problem: Problem, cell: Array | None, alone: Callable[[Ball], Alone]) -> PairForces:
-    """Return the point-load law, whose error is that of two balls with the largest contact area."""
+    """Return the point-load law, whose error is that of balls with their contact area ``alone``."""
     depths = [d * max(problem.load.values) for d in DEPTHS]
-    states = {kind: alone(ball) for kind, ball in kinds(problem).items()}
-    curves = {kind: SingleBall(depths, forces) for kind, (forces, _) in states.items()}
-    distances = 2.0 * min(ball.radius for ball in problem.balls) * np.array(MANY)
-    squares = 2.0 * np.max([squared_axes(ball, states[kind][1]) for kind, ball in kinds(problem).items()], axis=0)
-    errors = neglected(LayeredKernel.of(problem), distances, np.tile(squares, (len(distances), 1)))
-    law = PairLaw(problem, errors=(distances, errors))
-    return PairForces(problem, [curves[ball.radius, ball.shape] for ball in problem.balls], law, cell=cell)
+    curves = {}
+    for kind, ball in kinds(problem).items():
+        forces, area = alone(ball)
+        curves[kind] = SingleBall(depths, forces, squared_axes(ball, area))
+    singles = [curves[ball.radius, ball.shape] for ball in problem.balls]
+    return PairForces(problem, singles, PairLaw(problem), cell=cell)
 
 
 def kinds(problem: Problem) -> dict[tuple[float, Any], Ball]:

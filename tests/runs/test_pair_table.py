@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from linear_bem import Ball, Elastic, Layer, Load, Problem, Result, solve, solve_point_load
+from linear_bem.coupled_point_loads import estimated_relations
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import FiniteStrain
 from linear_bem.result import BallResult, Solved
 from runs.evolution import pair_table
 from runs.evolution.forces import DirectForces, at
 from runs.evolution.pair_forces import PairForces, SingleBall
-from runs.evolution.providers import Provider, provider
+from runs.evolution.providers import Provider, point_loads, provider
 from runs.models import MODELS, Run
 from tests.runs.foam_balls import FOAM, RADIUS, line, of, scene, spread
 
@@ -125,12 +126,26 @@ def test_the_error_of_t_includes_that_of_the_pairs(tmp_path: Path) -> None:
         state = table.forces()(np.array([[0.0, 0.0], [0.0, distance]]))
         assert state.tangential[0, 1] == pytest.approx(pull, rel=2e-3)
         assert state.error == pytest.approx(1e-5 + 0.01 * abs(pull), rel=2e-3)
-    # the errors of both neighbours cancel as their forces do
-    row = tuple(Ball((at, 0.0), 1.0) for at in (-2.0, 0.0, 2.0))
-    table.problem = Problem(table.problem.layer, row, Load("approach", (0.1,) * 3))
+    # the errors of both neighbours may have any signs
+    corners = tuple(Ball(at, 1.0) for at in ((-1.25, 0.0), (1.25, 0.0), (0.0, 1.25 * np.sqrt(3.0))))
+    table.problem = Problem(table.problem.layer, corners, Load("approach", (0.1,) * 3))
     state = table.forces()(table.problem.positions)
-    assert state.tangential[1] == pytest.approx([0.0, 0.0], abs=1e-15)
-    assert 1e-5 < state.error[1] < 3e-5
+    both = 2e-5 * (state.normal / 0.05) ** 2
+    assert state.error == pytest.approx(both + 0.01 * np.hypot(*state.tangential.T), rel=1e-6)
+
+
+def test_the_error_of_point_loads_is_that_of_the_model_for_unlike_balls_too() -> None:
+    balls = (Ball((0.0, 0.0), 20.0), Ball((80.0, 0.0), 1.0), Ball((82.3, 0.0), 1.0))
+    problem = Problem(Layer(1.0, 0.3, 50.0), balls, Load("approach", (0.1,) * 3))
+    own = solve_point_load(problem).balls
+    areas, depths = {ball.radius: ball.contact_area for ball in own}, 0.1 * np.array(pair_table.DEPTHS)
+
+    def alone(ball: Ball) -> tuple[list[float], float]:
+        force = estimated_relations(problem, np.full(len(depths), ball.radius))[0]
+        return list(force(depths)), float(areas[ball.radius] or 0.0)
+
+    stated = point_loads(problem, None, alone)(problem.positions).error[0]
+    assert stated == pytest.approx(max(ball.tangential_force_error for ball in own), rel=0.1)
 
 
 def test_errors_of_t_are_lengths_whatever_the_axes(tmp_path: Path) -> None:
