@@ -283,7 +283,10 @@ class PairTable:
         return PairLaw(self.problem, (distances, influence, pull), (distances, errors))
 
     def forces(self, cell: Array | None = None) -> PairForces:
-        """Return the forces of the problem's balls at any positions, in a periodic ``cell`` [m] if there is one."""
+        """Return the forces of the problem's balls at any positions, in a periodic ``cell`` [m] if there is one.
+
+        The error of adding pairs counts for two balls, too: interpolation between distances has no error of its own.
+        """
         return PairForces(self.problem, [self.single()] * self.problem.size, self.law(), self.worst().coupled, cell)
 
     def worst(self) -> Additivity:

@@ -137,7 +137,7 @@ def table_of(
         from finite_strain import FORMAT  # noqa: PLC0415  (only where a scene calls for finite elements)
 
         settings["elements"] = FORMAT
-        # tables made without these keep their names
+        # what a scene does not state is left out, so that it does not change the name of its table
         if budget:
             settings["budget"] = dict(budget)
         if problem.elements is not None:
