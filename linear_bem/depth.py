@@ -122,12 +122,17 @@ def given_by_base(problem: Problem, ball: int, forces: Array, contact_areas: Arr
 
     Given the forces [N] and contact areas [m^2] of all balls (balls,).
     """
+    own = dent(problem.substrate, problem.layer.thickness, float(forces[ball]), float(contact_areas[ball]))
+    return own + given_to_others(problem, ball, forces)
+
+
+def given_to_others(problem: Problem, ball: int, forces: Array) -> float:
+    """Return about how deep [m] the substrate is dented under a ball by the forces [N] of the others."""
     substrate, h = problem.substrate, problem.layer.thickness
-    own = dent(substrate, h, float(forces[ball]), float(contact_areas[ball]))
     if substrate is None or not math.isfinite(h) or problem.size == 1 or problem.periodic is not None:
-        return own  # in a cell approaches do not contain the mean level of the base
+        return 0.0  # in a cell approaches do not contain the mean level of the base
     away = np.hypot(*(np.delete(problem.positions, ball, axis=0) - problem.positions[ball]).T)
-    return own + float(np.sum(np.delete(forces, ball) / away)) / (math.pi * substrate.contact_modulus)
+    return float(np.sum(np.delete(forces, ball) / away)) / (math.pi * substrate.contact_modulus)
 
 
 def large_strain_note(layer: Layer, deepest: float, base: float = 0.0) -> tuple[str, ...]:
@@ -151,7 +156,7 @@ def large_strain_note(layer: Layer, deepest: float, base: float = 0.0) -> tuple[
 def ball_depth_note(share: float, base: float) -> tuple[str, ...]:
     """Return a note where a round ball is pressed deeper into the layer than 1.25 times `COMPARED_UP_TO` of its radius.
 
-    Given the largest approach and the base's part of it, both over the radius.
+    Given the largest approach and the part of it by which the other balls dent the base, both over the radius.
     """
     own = share - base
     if not own > 1.25 * COMPARED_UP_TO or own < UNSURE * share:

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.grid.contacts import GridContacts
-from linear_bem.load_control import deepest, unloaded
+from linear_bem.load_control import deepest, may_touch, unloaded
 from linear_bem.problem import Problem
 from linear_bem.profiles import height, is_ball
 from linear_bem.report import Report, seldom, silent
@@ -129,7 +129,7 @@ def overlapping(contacts: Contacts) -> dict[int, tuple[float, tuple[float, float
     """Return, for balls without force that penetrate the surface, depth [m] and deepest point [m] by index."""
     if contacts.problem.load.kind == "force":
         return {}
-    lifted = np.flatnonzero(contacts.normal_forces == 0.0).tolist()
+    lifted = np.flatnonzero((contacts.normal_forces == 0.0) & may_touch(contacts.approaches)).tolist()
     if not lifted:
         return {}
     few = not isinstance(contacts, SmoothContacts) or len(contacts.touching) <= CHECKED

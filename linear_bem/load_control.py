@@ -4,11 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from linear_bem.arrays import Array
+from linear_bem.arrays import Array, Mask
 from linear_bem.problem import Load
 
 Groups = list[tuple[list[int], float]]
 """Balls that share one unknown approach, and their total force times `LayeredKernel.singular` [m^2]."""
+BULGE = 2.0
+"""Height over the deepest approach above which a lifted body cannot touch: the surface bulges by a small part of it."""
 
 
 def force_groups(load: Load, touching: Sequence[int], singular: float) -> Groups:
@@ -29,6 +31,11 @@ def deepest(approaches: Array) -> float:
     """Return the scale of gaps [m]: the deepest approach. Lifted balls may be far above the surface."""
     largest = float(np.max(approaches))
     return largest if largest > 0.0 else float(np.max(np.abs(approaches)))
+
+
+def may_touch(approaches: Array) -> Mask:
+    """Return which bodies may touch at approaches (balls,) [m]; others hang above all bulges of the surface."""
+    return np.asarray(approaches > -BULGE * deepest(approaches))
 
 
 def force_error(load: Load, forces: Array) -> float:

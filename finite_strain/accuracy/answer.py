@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from finite_strain.accuracy.error_budget import Terms, discretisation, enforcement, gain, transfer
+from finite_strain.accuracy.error_budget import FEW, Terms, discretisation, enforcement, gain, transfer
 from finite_strain.accuracy.pairs import LinearTruth, Paired, paired, ratio, unpaired, unsure
 from finite_strain.force.distortion import is_resolved
 from finite_strain.geometry.extent import scale_of_force
@@ -26,6 +26,8 @@ from linear_bem.solver import solve
 UNSURE = ("transfer", "force_transfer")
 LINEAR_ACCURACY = 0.03
 """Accuracy requested from linear_bem over that requested from the run."""
+FAINT = 1e-3
+"""Q over the largest, below which a ball has no rate dD / dQ of its own."""
 LEAST, MOST = 1.5, 3.0
 """d ln Q / d ln D of a Hertzian contact, and of an incompressible film much thinner than the ball is wide."""
 
@@ -82,7 +84,8 @@ class Answers:
         enforced = none if self.forces_given else 2.0 * MOST * size * share
         terms = Terms(np.maximum(np.hypot(squared * apart, 2.0 * size * pressed), pulled), enforced, both, solver)
         if self.forces_given:
-            left, rate = share, follows / np.maximum(LEAST * now.normal_force, 1e-300)
+            left, load = share, now.normal_force
+            rate = follows / (LEAST * np.maximum(load, max(FAINT * load.max(), 1e-300)))
         else:
             left, rate = MOST * share, np.ones_like(size)
         shares = follows * moved, np.abs(follows) * left, np.abs(follows) * now.force_transfer
@@ -97,7 +100,7 @@ class Answers:
         shown = Terms(*(doubt * term for term in vars(terms).values())) if counts else other
         through = {self.follows: other.total}
         if self.plan.problem.load.kind == "total_force":
-            through["normal_force"] = now.normal_force * np.hypot(pressed, unsure_force)
+            through["normal_force"] = _pressed(now, before, "normal_force") * np.hypot(pressed, unsure_force)
         return Answer(
             **vars(account), balls=self._balls(fine, now, pull, truth, doubt * terms.total, through), step=step,
             linear_failure=said if isinstance(said, str) else "",
@@ -214,7 +217,7 @@ class Answers:
         path = self.fine.changes.setdefault(name, [])
         loads = [row.own.fraction for row in self.fine.rows]
         place, nearby = loads.index(fraction), self.plan.nearby
-        path += [change.tolist()] * (place - len(path))  # where it was saved without this one
+        path += [(FEW[1] * change).tolist()] * (place - len(path))  # where it was saved without this one
         path[place:] = path[place:] or [change.tolist()]
         first = next(i for i, load in enumerate(loads) if load >= nearby * fraction)
         later = [i for i in range(place + 1, len(path)) if nearby * loads[i] <= fraction]
@@ -269,7 +272,7 @@ def judge(plan: RunPlan, record: Record) -> None:
 def _scale(plan: RunPlan, forces: Sequence[float], pulls: Sequence[float]) -> float:
     """Return the force [N] to which errors of T refer, from Q and |T| (balls,) [N].
 
-    It is 0 where T is an error alone: on one ball, and without free sides also on balls of which only one presses.
+    It is 0 where T can only be an error: for a single ball and, unless sides are free, where only one ball presses.
     """
     attraction = scale_of_force(plan.problem, np.array(forces))
     counts = attraction > 0.0 or (plan.has_free_sides and plan.problem.size > 1)

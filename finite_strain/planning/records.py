@@ -85,8 +85,8 @@ class SolverAccount:
     Counts are sums over the load steps since the last answer, ``cuts`` is their largest number of cut-backs.
     ``residual`` [N] is Newton's last, ``tolerance`` its bound, ``residuals`` those of its last solve; ``force_balance``
     is the relative difference of forces on balls and base; for the smallest values, ``surface_crossing`` and
-    ``distorted_at`` see `finite_strain.force.distortion`, as for ``film``, the smallest share of the layer's thickness
-    left under a ball; ``strain_energy`` [J] is that of the whole scene.
+    ``distorted_at`` see `finite_strain.force.distortion`; ``film`` is the smallest share of the layer's thickness left
+    under a ball, None in results of earlier versions; ``strain_energy`` [J] is that of the whole scene.
     """
 
     fraction: float
@@ -118,9 +118,10 @@ class Answer(SolverAccount):
     """The answer at load step number ``step``; lists have one value per ball of the scene, forces and errors in N.
 
     ``mesh`` is the discretisation's number in its run; ``linear_failure`` says why `linear_bem` has no answer;
-    ``error_terms`` are those of T or, for a single ball, of the force or approach that is not prescribed;
+    ``error_terms`` are those of T or, where only one ball presses, of the force or approach that is not prescribed;
     ``imbalance`` is the size of the sum of T on the mesh and ``imbalance_error`` the sum of its errors, before T is
-    corrected by them. ``normal_force_error`` applies to a given approach, ``approach_error`` [m] to a given force.
+    corrected by them. ``normal_force_error`` applies to a given approach or total force, ``approach_error`` [m] to a
+    given force.
     """
 
     balls: tuple[BallResult, ...]

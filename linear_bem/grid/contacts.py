@@ -16,7 +16,7 @@ from linear_bem.grid.polonsky_keer import GridState, solve_bounded
 from linear_bem.grid.surface import drawn, surface_displacement
 from linear_bem.indenter import Indenter
 from linear_bem.layer.kernel import LayeredKernel
-from linear_bem.load_control import deepest, force_error, force_groups, unloaded
+from linear_bem.load_control import deepest, force_error, force_groups, may_touch, unloaded
 from linear_bem.problem import Problem
 from linear_bem.profiles import gradient, height
 from linear_bem.report import Report, seldom, silent
@@ -234,9 +234,10 @@ def grid_levels(start: Start, report: Report = silent) -> Iterator[GridContacts]
     problem = start.problem
     reach = {i: 1.3 * zone.reach for i, zone in zip(start.touching, start.zones, strict=True)}
     smallest = min(reach.values())
+    near = may_touch(start.approaches)
     for i in set(range(problem.size)) - set(reach):
         body, reach[i] = problem.balls[i].indenter, 0.5 * smallest
-        if isinstance(body, Indenter) and body.edge and i not in unloaded(problem.load):
+        if isinstance(body, Indenter) and body.edge and near[i] and i not in unloaded(problem.load):
             reach[i] = 1.05 * body.reach  # a punch may touch at its edge first
     count, before = COARSEST, None
     for _ in range(12):

@@ -174,6 +174,6 @@ def _lifted_may_touch(problem: Problem, kernel: LayeredKernel, state: SequenceSt
         return False
     r = cdist(problem.positions[lifted], problem.positions[touching])
     dent = kernel.displacement(r) @ state.normal_forces[touching]
-    # the inclination of the surface under a lifted ball takes a few per cent of the displacement; others may be wide
+    # the surface's slope under a lifted ball takes a few per cent of the displacement; others may touch at their rim
     margin = np.array([0.05 if is_ball(problem.balls[i]) else 1.0 for i in lifted]) * np.abs(dent)
     return bool(np.any(state.approaches[lifted] > dent - margin))

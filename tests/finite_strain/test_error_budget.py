@@ -205,6 +205,15 @@ def test_the_parts_of_a_total_force_have_an_error_which_t_contains(model: str, k
     assert answer.normal_force_error == [ball.errors["normal_force"] for ball in answer.balls]
 
 
+def test_a_ball_that_only_the_coarser_mesh_presses_has_an_error_of_its_force() -> None:
+    plan = plan_run(UNEQUAL.with_load("total_force", (0.3,)), 0.1, "finite_strain")
+    answers = Answers(plan, [Record(QUADRATIC), Record(CUBIC)])
+    for record, forces in ((answers.coarse, (0.29, 0.01)), (answers.fine, (0.3, 0.0))):
+        record.rows.append(Row(of_two(forces, (0.1, 0.1)), None))
+    errors = [ball.errors["normal_force"] for ball in answers.answer(1, ACCOUNT, "no linear answer").balls]
+    assert errors == relatively([FEW[1] * gain(CUBIC, QUADRATIC) * 0.01] * 2, ROUNDOFF)
+
+
 def test_a_stiffer_or_wider_discretisation_is_compared_with_the_last_one_of_a_lower_resolution() -> None:
     records = [Record(level) for level in (QUADRATIC, CUBIC, replace(CUBIC, penalty=8.0))]
     assert coarser(records) is records[0]
@@ -255,10 +264,10 @@ def test_a_resumed_run_restores_the_changes_of_earlier_steps(tmp_path: Path) -> 
     assert resumed[-1].changes == {"R": [[0.2]]}
 
 
-def test_a_change_that_was_not_saved_counts_as_the_present_one() -> None:
+def test_changes_that_were_not_saved_count_as_twice_the_present_one() -> None:
     answers = at_loads(0.8, 0.9, 1.0)
-    assert answers._change("parts", 1.0, np.array([0.2])) == relatively([0.2 * gain(CUBIC, QUADRATIC)], ROUNDOFF)
-    assert answers.fine.changes == {"parts": [[0.2]] * 3}
+    assert answers._change("parts", 1.0, np.array([0.2])) == relatively([0.4 * gain(CUBIC, QUADRATIC)], ROUNDOFF)
+    assert answers.fine.changes == {"parts": [[0.4], [0.4], [0.2]]}
 
 
 @pytest.mark.parametrize(

@@ -151,6 +151,18 @@ def test_a_ball_far_above_the_layer_changes_neither_residuals_nor_errors():
         assert three.errors[what][:2] == pytest.approx(two.errors[what], rel=1e-3, abs=1e-12)
 
 
+def test_a_punch_above_the_bulges_of_the_surface_changes_no_grid():
+    cone = Cone(np.radians(20.0), 0.005)
+    balls = (Ball((-0.5, 0.0), shape=cone), Ball((0.5, 0.0), shape=cone), Ball((2.5, 0.0), shape=Punch(1.0, 0.1)))
+    two, three = (
+        solve(Problem(Layer(1.0, 0.48, 8.0), balls[: len(depths)], Load("approach", depths)), 1e-2)
+        for depths in ((0.05, 0.05), (0.05, 0.05, -0.5))
+    )
+    for ball, known in zip(three.balls[:2], two.balls, strict=True):
+        assert ball.tangential_force_error == pytest.approx(known.tangential_force_error, rel=1e-3)
+        assert ball.tangential_force[0] == pytest.approx(known.tangential_force[0], rel=1e-6)
+
+
 def test_the_errors_of_a_tip_pressed_lightly_into_the_dent_of_a_ball_are_covered():
     balls = (Ball((0.0, 0.0), 1.0, "paraboloid"), Ball((2.0, 0.0), shape=Cone(0.5, 0.02)))
     problem = Problem(Layer(1.0, 0.48, 8.0), balls, Load("approach", (0.4619383, 0.0474546)))
