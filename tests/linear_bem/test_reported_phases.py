@@ -48,7 +48,7 @@ def test_every_grid_and_its_long_parts_are_reported(monkeypatch):
     monkeypatch.setattr(report.time, "monotonic", lambda: next(clock))
     lines = []
     balls = (*(Ball((x, 0.0), shape=Cone(1.2, 1e-3)) for x in (0.0, 3.0, 6.0)), Ball((9.0, 0.0), 1.0))
-    solve(Problem(Layer(1.0, 0.48, 1.25), balls, Load("approach", (0.1, 0.1, 0.1, -1.0))), 1e-2, lines.append)
+    solve(Problem(Layer(1.0, 0.48, 1.25), balls, Load("approach", (0.1, 0.1, 0.1, -0.1))), 1e-2, lines.append)
     for phase in (
         "influence of patches on each other: 1 of 4 patches",
         "grid of 4096 cells: 4 patch(es), 32 cells across one contact's patch",
