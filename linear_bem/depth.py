@@ -123,10 +123,10 @@ def given_by_base(problem: Problem, ball: int, forces: Array, contact_areas: Arr
     Given the forces [N] and contact areas [m^2] of all balls (balls,).
     """
     own = dent(problem.substrate, problem.layer.thickness, float(forces[ball]), float(contact_areas[ball]))
-    return own + given_to_others(problem, ball, forces)
+    return own + given_by_others(problem, ball, forces)
 
 
-def given_to_others(problem: Problem, ball: int, forces: Array) -> float:
+def given_by_others(problem: Problem, ball: int, forces: Array) -> float:
     """Return about how deep [m] the substrate is dented under a ball by the forces [N] of the others."""
     substrate, h = problem.substrate, problem.layer.thickness
     if substrate is None or not math.isfinite(h) or problem.size == 1 or problem.periodic is not None:

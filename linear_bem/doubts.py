@@ -3,7 +3,7 @@
 import numpy as np
 
 from linear_bem.arrays import Array
-from linear_bem.depth import MEANINGLESS, ball_depth_note, given_by_base, given_to_others, large_strain_note
+from linear_bem.depth import MEANINGLESS, ball_depth_note, given_by_base, given_by_others, large_strain_note
 from linear_bem.dual import POINTED
 from linear_bem.indenter import HeightFunction, Indenter
 from linear_bem.lifted_balls import Contacts
@@ -62,7 +62,7 @@ def large_strain_notes(problem: Problem, approaches: Array, forces: Array, areas
     deep = tuple(f"{note}; finite_strain solves approaches up to about 0.9 of it" for note in notes)
     of_radius = {problem.balls[i].radius: int(i) for i in np.argsort(approaches) if is_ball(problem.balls[i])}
     shares = [
-        (approaches[i] / radius, given_to_others(problem, i, forces) / radius)
+        (approaches[i] / radius, given_by_others(problem, i, forces) / radius)
         for radius, i in of_radius.items()
         if approaches[i] > radius
     ]

@@ -88,6 +88,7 @@ class LoadPath:
     ) -> None:  # fmt: skip
         self.problem, self.solver, self.model, self.control = problem, solver, solver.model, solver.control
         self._observe, self.stiffer, self._shortest, self._longest = observe, stiffer, shortest, longest
+        self._top = on_top(self.model.space, self.model.facet_tags)
         self.history: list[State] = []
         self._borrowed = False
         """Whether states of the path began with those of another discretisation, or of an earlier run."""
@@ -151,8 +152,8 @@ class LoadPath:
     def distorted(self) -> Distortion:
         """Return the distortion of the present state (collective)."""
         model = self.model
-        top, axes = on_top(model.space, model.facet_tags), [ball.position for ball in model.contact.balls]
-        return distortion(model.space, model.nodal, top, axes, model.mirrors)
+        axes = [ball.position for ball in model.contact.balls]
+        return distortion(model.space, model.nodal, self._top, axes, model.mirrors)
 
     def film(self) -> float:
         """Return the smallest share of the layer's thickness left under a ball in the present state (collective)."""
