@@ -18,6 +18,8 @@ from linear_bem.smooth.tangential_forces import half_space_pulls
 from linear_bem.solver import require_supported, solve_contact
 
 DEGREES = (4, 6, 8)
+TOLERANCE = 1e-3
+"""Residual of a cold solution over the accuracy; part of the error of T."""
 GAP_SHARE = 0.1
 """Error of T over the relative gap: the error of forces is quadratic in that of the pressure (0.03 to 0.07 for deep
 spheres)."""
@@ -51,10 +53,11 @@ class ContactSequence:
     [True, False, False]
 
     ``accuracy`` of T is relative, as in `linear_bem.solve`. A state is accepted if its error estimate (difference
-    of the two formulas for T, square of the drift since linearisation, a tenth of the gap) and its gap over approach
-    are within the accuracy; the equations are linearised again after too large a drift. Other scenes are solved cold,
-    by polynomials of the lowest sufficient degree, else by `linear_bem.solve_contact`; so are scenes with an
-    unloaded ball or another layer, substrate, radius, shape or kind of load.
+    of the two formulas for T, square of the drift since linearisation, a tenth of the gap over a body's own dent,
+    residual) and its gap over approach are within the accuracy; the equations are linearised again after too large
+    a drift. Other scenes are solved cold, by polynomials of the lowest sufficient degree, else by
+    `linear_bem.solve_contact`; so are scenes with an unloaded ball or another layer, substrate, radius, shape, cell
+    or kind of load.
 
     Raises the errors of `linear_bem.solve_contact`.
     """
@@ -103,7 +106,7 @@ class ContactSequence:
         kernel = LayeredKernel.of(problem)
         start: Guess = first_guess(problem, kernel)
         for degree in (2, *DEGREES):
-            contacts = smooth_state(start, degree, 1e-3 * self.accuracy)
+            contacts = smooth_state(start, degree, TOLERANCE * self.accuracy)
             start, self._approaches = contacts, contacts.approaches
             if degree not in DEGREES:
                 continue
@@ -144,7 +147,7 @@ class ContactSequence:
         pulls = half_space_pulls(contacts.kernel, places, forces)
         size = max(float(np.max(np.abs(state.mutual_force), initial=0.0)), 1e-4 * float(np.max(pulls)), 1e-300)
         routes = np.max(np.abs(state.mutual_force - state.slope_force), axis=1)
-        error = routes + (state.drift**2 + GAP_SHARE * gap) * size
+        error = routes + (state.drift**2 + GAP_SHARE * state.gap_share + TOLERANCE * self.accuracy) * size
         if gap > self.accuracy or float(np.max(error)) > self.accuracy * size:
             return None
         whole = problem.size
@@ -162,7 +165,7 @@ def _alike(a: Problem, b: Problem) -> bool:
     """Return whether only positions and load values differ and no ball is unloaded."""
     if a.size != b.size or a.layer != b.layer or a.substrate != b.substrate or a.load.kind != b.load.kind:
         return False
-    if a.periodic is not None or unloaded(a.load) or unloaded(b.load):
+    if a.periodic or b.periodic or unloaded(a.load) or unloaded(b.load):
         return False  # `solve_contact` finds their height of rest, and supports the cell
     return all(p.radius == q.radius and p.shape == q.shape for p, q in zip(a.balls, b.balls, strict=True))
 

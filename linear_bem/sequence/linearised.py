@@ -24,7 +24,7 @@ from linear_bem.smooth.zone import Zone
 
 NEAR_DEGREE, FAR_DEGREE = 10, 4
 """Degrees of interpolation between close and far contacts."""
-FAR = 3.0
+FAR = 5.0
 """Distance of axes over the sum of contact radii beyond which contacts are far."""
 
 
@@ -32,7 +32,8 @@ FAR = 3.0
 class LinearState:
     """Changes of all coefficients, approaches [m], forces times `singular` [m^2], T [N] by both formulas.
 
-    ``drift`` is the largest change of P relative to P; ``gap`` the largest gap at the quadrature nodes [m].
+    ``drift`` is the largest change of P relative to P; ``gap`` the largest gap at the quadrature nodes [m], and
+    ``gap_share`` the largest of a body's gap over the dent that it makes itself.
     """
 
     change: Array
@@ -42,6 +43,7 @@ class LinearState:
     slope_force: Array
     drift: float
     gap: float
+    gap_share: float
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,7 @@ class LinearisedContacts:
         at = [(problem.balls[i], x, y) for i, x, y in zip(touching, self.nodes.x, self.nodes.y, strict=True)]
         profile = np.array([gradient(ball, x, y) for ball, x, y in at])
         w, self.derivative = own_displacement(kernel, self.nodes, rule)
+        self.dent = np.max(np.abs(w), axis=1)
         self.rise = w + np.array([height(ball)(x, y) for ball, x, y in at])
         self.slope = -np.einsum("nck,nk->nc", profile, self.nodes.loads)
         self.slope_change = -profile @ np.swapaxes(self.tests, 1, 2)
@@ -165,6 +168,7 @@ class LinearisedContacts:
             slope_force=(self.slope + np.einsum("nct,nt->nc", self.slope_change, delta)) / self.kernel.singular,
             drift=float(np.max(np.abs(delta) / self._largest()[:, None])),
             gap=float(np.max(np.abs(w))),
+            gap_share=float(np.max(np.max(np.abs(w), axis=1) / self.dent)),
         )
 
     def _largest(self) -> Array:

@@ -7,11 +7,13 @@ import pytest
 
 from linear_bem import (
     Ball,
+    Cone,
     ContactSequence,
     Elastic,
     FiniteStrain,
     Layer,
     Load,
+    Periodic,
     Problem,
     Punch,
     UnsupportedProblem,
@@ -49,6 +51,26 @@ def test_warm_answers_equal_cold_ones_within_the_accuracy(load):
     assert state.normal_forces == pytest.approx([b.normal_force for b in cold.balls], rel=ACCURACY)
     assert state.approaches == pytest.approx([b.approach for b in cold.balls], rel=ACCURACY)
     assert state.gap_in_contact < ACCURACY
+
+
+@pytest.mark.parametrize(
+    ("other", "layer", "approaches"),
+    [
+        pytest.param(Ball((2.3, 0.0), 0.8), Layer(1.0, 0.48, 2.0), (0.2, 0.05), id="distant"),
+        pytest.param(Ball((2.0, 0.0), shape=Cone(0.5, 0.02)), Layer(1.0, 0.48, 8.0), (0.462, 0.0475), id="light"),
+    ],
+)
+def test_the_error_of_t_holds_for_distant_and_lightly_pressed_bodies(other, layer, approaches):
+    scene = Problem(layer, (Ball((0.0, 0.0), 1.0, "paraboloid"), other), Load("approach", approaches))
+    state, truth = ContactSequence(ACCURACY).solve(scene), solve_contact(scene, 1e-6).contacts
+    error = np.max(np.abs(state.tangential_force - truth.mutual_force), axis=1)
+    assert np.all(error <= state.tangential_force_error)
+
+
+def test_a_scene_with_a_periodic_cell_is_not_solved_from_one_without():
+    sequence, scene = ContactSequence(ACCURACY), block(0.0, LOADS[0])
+    sequence.solve(scene)
+    assert sequence.solve(replace(scene, periodic=Periodic((9.0, 9.0)))).cold
 
 
 def test_small_moves_need_no_new_linearisation(monkeypatch):
