@@ -44,7 +44,7 @@ def _transformed(solid: Elastic, shear: float, state: Array, t: Array) -> dict[s
 def _table(layer: Elastic, substrate: Elastic | None, depth: float, name: str) -> tuple[PPoly, float]:
     """Return a field's tabulated part times 1 + rho^2 (stresses) or its root, as a spline over asinh(r/h), and its end.
 
-    At h = 1: in the layer the bond's part, in the substrate the whole field.
+    At h = 1: in the layer the bond's part, in the substrate the whole field. It ends 3000 longest lengths away.
     """
     log_t = np.linspace(np.log(1e-9), np.log(60.0), 900)
     t = np.exp(log_t)
@@ -57,7 +57,9 @@ def _table(layer: Elastic, substrate: Elastic | None, depth: float, name: str) -
     def tabulated(t: Array) -> Array:
         return np.where(t < 60.0, spline(np.clip(np.log(t), log_t[0], log_t[-1])), 0.0)
 
-    y = np.arange(0.0, np.arcsinh(3e3), 0.03)
+    # a stiff film carries radial displacements over h E1/E2
+    longest = max(1.0, depth, 0.0 if substrate is None else layer.young / substrate.young)
+    y = np.arange(0.0, np.arcsinh(3e3 * longest), 0.03)
     found = hankel(tabulated, np.sinh(y), FIELDS[name]) * np.cosh(y) ** (1 if name in PLANAR else 2)
     return PPoly.from_spline(even_spline(y, found, 10, odd=FIELDS[name] == 1)), float(y[-1])
 

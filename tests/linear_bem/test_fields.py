@@ -207,6 +207,24 @@ def test_tractions_and_displacements_are_continuous_at_the_bond(unlike):
     assert below == pytest.approx(above, abs=1e-6 * np.max(np.abs(above)))
 
 
+def test_fields_far_below_a_thin_film_are_those_of_a_half_space(hertz):
+    film = Problem(Layer(1.0, 0.3, 1e-4), hertz.problem.balls, hertz.problem.load, Elastic(1.00001, 0.3))
+    coated, x = solve_contact(film, 1e-3), np.array([0.0, 0.3, 1.0, 3.0, 10.0])
+    for field in (stress, interior_displacement):
+        exact = field(hertz, x, 0 * x, 3.0)
+        assert field(coated, x, 0 * x, 3.0) == pytest.approx(exact, abs=1e-3 * np.max(np.abs(exact)))
+
+
+def test_stresses_far_away_in_a_stiff_film_follow_hookes_law():
+    ball = Ball((0.0, 0.0), 20.0, "paraboloid")
+    film = solve_contact(Problem(Layer(1e3, 0.3, 1.0), (ball,), Load("approach", (0.1,)), Elastic(1.0, 0.3)), 1e-3)
+    x = 1e4 * np.array([0.999, 1.0, 1.001])
+    before, here, after = interior_displacement(film, x, 0 * x, 0.5)[0]
+    found = stress(film, x[1], 0.0, 0.5)
+    strains = (after - before) / (x[2] - x[0]) - here / x[1]
+    assert found[0, 0] - found[1, 1] == pytest.approx(2 * 1e3 / 2.6 * strains, rel=1e-4)
+
+
 def test_the_displacement_tends_to_the_surfaces(unlike):
     x, y = np.array([-1.1, 0.0, 2.0]), np.array([0.0, 0.2, 0.5])
     depths = np.array([0.004, 0.008])
