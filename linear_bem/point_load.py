@@ -6,9 +6,9 @@ L >= 2 R; it costs microseconds once the relation between force and approach of 
 
 If approaches are given, forces follow from that relation, computed by `linear_bem.solver.solve` for a single ball, at
 the approach minus the point-load displacement by the neighbours (`linear_bem.coupled_point_loads`). The error estimate
-is the next term of the multipole series, (a_i^2 + a_j^2)/10 times the Laplacian of K for Hertz's pressure (on ellipses
-with semi-axes a > b, at most (a^2 + b^2)/20 times the Laplacian and (a^2 - b^2)/20 times K'' - K'/r per ball), and an
-allowance for all later terms.
+is the next terms of the multipole series and an allowance for all later ones: the first moments, as a ball of radius R
+on a slope s touches R s aside of its axis, and (a_i^2 + a_j^2)/10 times the Laplacian of K for Hertz's pressure (on
+ellipses with semi-axes a > b, at most (a^2 + b^2)/20 times the Laplacian and (a^2 - b^2)/20 times K'' - K'/r per ball).
 """
 
 import time
@@ -190,40 +190,49 @@ def _law(problem: Problem, kernel: LayeredKernel, distance: Array, q: Array, are
     r = np.where(np.isfinite(distance), distance, 1.0)
     towards = (problem.positions - problem.positions[:, None]) / r[:, :, None]
     force = -np.einsum("ij,ijk->ik", products * kernel.slope(r), towards)
-    squares = np.array([squared_axes(ball, part) for ball, part in zip(problem.balls, area, strict=True)])
-    return force, np.sum(products * neglected(second_terms(kernel, r), r, squares[:, None] + squares), axis=1)
+    flat = np.array([moments(ball, part) for ball, part in zip(problem.balls, area, strict=True)])
+    sloped = on_slopes(flat, q, force)
+    return force, np.sum(products * neglected(next_terms(kernel, r), r, sloped[:, None] + sloped), axis=1)
 
 
-def neglected(second: Array, r: Array, squares: Array) -> Array:
+def neglected(terms: Array, r: Array, sums: Array) -> Array:
     """Return the neglected part of T at distances ``r`` [m] over the product of both forces [1/N].
 
-    ``second`` are the `second_terms` there; ``squares`` [m^2], of the shape of ``r`` and 2, are the sums of both
-    contacts' `squared_axes`.
+    ``terms`` are the `next_terms` there; ``sums``, of the shape of ``r`` and 3, add both contacts' `moments`
+    `on_slopes`.
     """
-    mean, apart = np.moveaxis(squares, -1, 0)
-    total = second[0] * mean / 10.0 + second[1] * apart / 10.0
-    return np.asarray(total * (1.0 + LATER_TERMS * (mean + apart) / r**2))
+    mean, apart, shift = np.moveaxis(sums, -1, 0)
+    total = terms[0] * mean / 10.0 + terms[1] * apart / 10.0
+    return np.asarray(total * (1.0 + LATER_TERMS * (mean + apart) / r**2) + terms[2] * shift)
 
 
-def second_terms(kernel: LayeredKernel, r: Array) -> Array:
-    """Return the sizes [1/(N m^2)] at distances ``r`` [m] that both `squared_axes` multiply, shape 2 and that of r."""
+def next_terms(kernel: LayeredKernel, r: Array) -> Array:
+    """Return the sizes at distances ``r`` [m] that the `moments` multiply [1/(N m^2), 1/(N m)], 3 and r's shape."""
     step = 1e-3 * r
 
     def bent(r: Array) -> Array:
         bend, ratio = (kernel.slope(r + step) - kernel.slope(r - step)) / (2.0 * step), kernel.slope(r) / r
         return np.stack([bend + ratio, bend - ratio])
 
-    return np.asarray(np.abs(bent(r + step) - bent(r - step)) / (2.0 * step))
+    second = np.abs(bent(r + step) - bent(r - step)) / (2.0 * step)
+    return np.stack([*second, np.sum(np.abs(bent(r)), axis=0) / 2.0])  # the larger of |K''| and |K'|/r
 
 
-def squared_axes(ball: Ball, area: float) -> tuple[float, float]:
-    """Return half of the sum and half of the difference of the squared semi-axes [m^2] of a contact [m^2].
+def on_slopes(flat: Array, normal: Array, tangential: Array) -> Array:
+    """Return `moments` (balls, 3) with the shift [m] of each contact on the slope T/Q [N] under it."""
+    slope = np.hypot(*tangential.T) / np.where(normal > 0.0, normal, np.inf)
+    return np.column_stack([flat[:, :2], flat[:, 2] * slope])
 
-    Their ratio is nearly Hertz's; for bodies that are not balls both are multiplied by `FLAT_END`.
+
+def moments(ball: Ball, area: float) -> tuple[float, float, float]:
+    """Return half of the sum and of the difference of a contact's squared semi-axes [m^2], and its shift per slope [m].
+
+    The ratio of the axes is nearly Hertz's; for bodies that are not balls both squares are multiplied by `FLAT_END`.
     """
     square = area / np.pi
     if is_ball(ball) or square == 0.0:
-        return square, 0.0
+        return square, 0.0, ball.radius
     low, high = np.linalg.eigvalsh(curvature(ball, float(np.sqrt(square))))
     aspect = (high / low) ** (2.0 / 3.0)
-    return 0.5 * FLAT_END * square * (aspect + 1.0 / aspect), 0.5 * FLAT_END * square * (aspect - 1.0 / aspect)
+    half = 0.5 * FLAT_END * square
+    return half * (aspect + 1.0 / aspect), half * (aspect - 1.0 / aspect), 1.0 / low

@@ -28,7 +28,7 @@ from linear_bem.coupled_point_loads import effective_approaches
 from linear_bem.errors import NotConverged
 from linear_bem.far_field.coupled_system import Influence
 from linear_bem.layer.kernel import LayeredKernel
-from linear_bem.point_load import neglected, second_terms
+from linear_bem.point_load import neglected, next_terms, on_slopes
 from linear_bem.problem import Problem
 from linear_bem.touching import wrapped
 from runs.evolution.forces import State
@@ -43,13 +43,13 @@ FEW = 20
 class SingleBall:
     """Force of one ball alone over its approach, from a few states; power laws outside them.
 
-    ``squares`` [m^2] are the `linear_bem.point_load.squared_axes` of its largest contact, for the error of point loads.
+    ``moments`` are the `linear_bem.point_load.moments` of its largest contact, for the error of point loads.
     """
 
     def __init__(
-        self, approaches: Sequence[float], forces: Sequence[float], squares: tuple[float, float] = (0.0, 0.0)
+        self, approaches: Sequence[float], forces: Sequence[float], moments: Sequence[float] = (0.0,) * 3
     ) -> None:
-        self.squares = squares
+        self.moments = moments
         self._d, self._q = np.log(approaches), np.log(forces)
         self._force = CubicSpline(self._d, self._q)
         self._approach = CubicSpline(self._q, self._d)
@@ -96,7 +96,7 @@ class PairLaw:
         self._thickness = problem.layer.thickness
         self._curves = None
         self._far = 2.0 * min(ball.radius for ball in problem.balls) * FAR
-        self._second = second_terms(self.kernel, self._far) if corrected is None else None
+        self._terms = next_terms(self.kernel, self._far) if corrected is None else None
         if corrected is not None:
             distances, influence, pull = corrected
             k, c, k_size, c_size = self.linear(distances)
@@ -113,14 +113,14 @@ class PairLaw:
         length = 1.0 / (2.0 / distance + 1.0 / self._thickness)
         return value, -slope, np.hypot(value, length * slope), np.hypot(slope, length * bend)
 
-    def error(self, distance: Array, squares: Array) -> Array:
+    def error(self, distance: Array, moments: Array) -> Array:
         """Return the error of pull [1/N] at distances [m]: linear between given ones, as 1/L^2 beyond the last.
 
-        ``squares`` (2, pairs) [m^2] are the sums of both balls' `SingleBall.squares`.
+        ``moments`` (pairs, 3) are the sums of both balls' `SingleBall.moments`, `on_slopes`.
         """
-        if self._second is not None:
-            second = np.stack([np.interp(distance, self._far, row) for row in self._second])
-            return neglected(second, distance, squares.T)
+        if self._terms is not None:
+            terms = np.stack([np.interp(distance, self._far, row) for row in self._terms])
+            return neglected(terms, distance, moments)
         if self._errors is None:
             return np.zeros(distance.shape)
         at, errors = self._errors
@@ -159,7 +159,7 @@ class PairForces:
         cut: float = CUT,
     ) -> None:
         self.problem, self.singles, self.law, self.share, self.cell = problem, list(singles), law, share, cell
-        self._squares = np.array([single.squares for single in self.singles]).T.copy()
+        self._moments = np.array([single.moments for single in self.singles])
         kinds = dict.fromkeys(self.singles)
         self._kinds = [(s, np.array([i for i, t in enumerate(self.singles) if t is s])) for s in kinds]
         self._approaches = np.array(problem.load.values, dtype=float)
@@ -198,8 +198,8 @@ class PairForces:
         tangential = np.stack([pairs.summed(strength * along) for along in between.T], axis=1)
         if self._waves is not None:
             tangential += normal[:, None] * self._waves.slope(points, normal)
-        squares = np.take(self._squares, pairs.first, axis=1) + np.take(self._squares, pairs.second, axis=1)
-        errors = self.law.error(distance, squares)
+        moments = on_slopes(self._moments, normal, tangential)
+        errors = self.law.error(distance, moments[pairs.first] + moments[pairs.second])
         own = normal * (pairs.matrix(np.where(distance < self.reach, errors, 0.0)) @ normal)
         error = self.share * np.max(np.hypot(*tangential.T)) + np.max(own)
         return State(tangential, normal, np.full(len(normal), error))

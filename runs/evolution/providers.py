@@ -8,7 +8,7 @@ from typing import Any
 
 from linear_bem.arrays import Array
 from linear_bem.errors import UnsupportedProblem
-from linear_bem.point_load import squared_axes
+from linear_bem.point_load import moments
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import Result
 from runs.display.numbers import count, duration
@@ -157,7 +157,7 @@ def point_loads(problem: Problem, cell: Array | None, alone: Callable[[Ball], Al
     curves = {}
     for kind, ball in kinds(problem).items():
         forces, area = alone(ball)
-        curves[kind] = SingleBall(depths, forces, squared_axes(ball, area))
+        curves[kind] = SingleBall(depths, forces, moments(ball, area))
     singles = [curves[ball.radius, ball.shape] for ball in problem.balls]
     return PairForces(problem, singles, PairLaw(problem), cell=cell)
 

@@ -102,6 +102,15 @@ def test_the_error_estimate_of_the_point_load_law_holds_for_deep_balls(thickness
     assert law.tangential_force_error < abs(law.tangential_force[0])
 
 
+@pytest.mark.parametrize(("base", "distance"), [(0.1, 2.2), (0.02, 3.0)])
+def test_the_error_estimate_of_the_point_load_law_holds_on_a_soft_base_where_contacts_lie_on_slopes(base, distance):
+    balls = (Ball((0.0, 0.0), 1.0, "sphere"), Ball((distance, 0.0), 1.0, "sphere"))
+    problem = Problem(Layer(1.0, 0.3, 0.5), balls, Load("force", (0.02, 0.02)), Elastic(base, 0.3))
+    exact, law = solve(problem, 1e-3).balls[0], solve_point_load(problem).balls[0]
+    assert abs(law.tangential_force[0] - exact.tangential_force[0]) <= law.tangential_force_error
+    assert law.tangential_force_error < 0.05 * law.tangential_force[0]
+
+
 @pytest.mark.parametrize("aspect", [1.5, 3.0])
 def test_the_error_estimate_of_the_point_load_law_holds_for_ellipsoids(aspect):
     body = Ellipsoid((aspect, 1.0, 1.0))
