@@ -122,14 +122,11 @@ def solve_height_field(
             found = _at_mean_gap(whole, above, gap, tolerance)
     if not periodic and not ends_at_edge:
         _refuse_clipped(found.pressure)
-    if periodic and substrate is not None:  # displacements exclude their mean: use the layer's mean compression
-        mean_pressure = found.normal_force / (heights.size * cell**2)
-        deepest = mean_pressure / (layer.lame_first + 2.0 * layer.shear_modulus) * layer.thickness
-        notes = large_strain_note(layer, deepest)
-    else:
-        deepest = float(np.max(found.displacement[found.pressure > 0.0]))
-        base = dent(substrate, layer.thickness, found.normal_force, found.contact_area)
-        notes = large_strain_note(layer, deepest, base)
+    w, base = found.displacement, dent(substrate, layer.thickness, found.normal_force, found.contact_area)
+    if periodic and substrate is not None:  # w excludes its mean; on a rigid base it bounds the layer's part
+        rigid = LayeredKernel(layer)
+        w, base = _patch(rigid, cell, above.shape, periodic).displacement(found.pressure * rigid.singular), 0.0
+    notes = large_strain_note(layer, float(np.max(w[found.pressure > 0.0])), base)
     for words, of_heights in OF_HEIGHTS.items():
         notes = tuple(note.replace(words, of_heights) for note in notes)
     notes = (*_steep_note(heights, cell), *coarse_note(found), *notes)

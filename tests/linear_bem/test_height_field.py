@@ -68,6 +68,10 @@ def test_a_contact_deep_in_a_thin_layer_says_that_small_strain_does_not_hold():
     for base in (None, Elastic(2e4, 0.3)):  # above an elastic base displacements are measured from their mean
         whole = solve_height_field(layer, base, wavy[:, None] + wavy, 0.1, normal_force=60.0, periodic=True)
         assert "of the layer's thickness" in whole.notes[0]
+    for depth, notes in ((0.04, 0), (0.14, 1)):  # the mean pressure is small
+        force = solve_height_field(layer, None, heights, cell, approach=depth, periodic=True).normal_force
+        cap = solve_height_field(layer, Elastic(2e4, 0.3), heights, cell, normal_force=force, periodic=True)
+        assert sum("pressed down by up to 0.7 of" in note for note in cap.notes) == len(cap.notes) == notes
     assert solve_height_field(Layer(2.0, 0.45, math.inf), None, heights, cell, approach=0.14).notes == ()
 
 
