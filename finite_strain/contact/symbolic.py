@@ -31,7 +31,7 @@ FUNCTIONS = {
 
 
 class Symbolic(NDArrayOperatorsMixin):
-    """An ``expression`` of the form language on which operators and functions of numpy act."""
+    """An ``expression`` of the form language, or an array, on which operators and functions of numpy act."""
 
     def __init__(self, expression: Any) -> None:
         self.expression = expression
@@ -41,4 +41,5 @@ class Symbolic(NDArrayOperatorsMixin):
         if ufunc not in FUNCTIONS or method != "__call__" or kwargs:
             return NotImplemented
         operands = [v.expression if isinstance(v, Symbolic) else v for v in inputs]
-        return Symbolic(FUNCTIONS[ufunc](*operands))
+        is_form = any(isinstance(v, ufl.core.expr.Expr) for v in operands)
+        return Symbolic((FUNCTIONS[ufunc] if is_form else ufunc)(*operands))

@@ -99,9 +99,12 @@ class FieldWriter:
         if "gap" not in self.choice.names:
             return {}
         model, gaps = self.model, []
+        nodes = model.space.tabulate_dof_coordinates()
+        # z counts as displacement, because `gap` at small strain is that of points of the surface z = 0
+        above, moved = nodes * [1.0, 1.0, 0.0], model.nodal + nodes * [0.0, 0.0, 1.0]
         for ball, approach in zip(model.reduction.balls, model.contact.approaches, strict=True):
-            offset = model.space.tabulate_dof_coordinates() - [*ball.position, 0.0]
-            arguments = ball.shape, ball.radius, offset.T, model.nodal.T, approach
+            offset = above - [*ball.position, 0.0]
+            arguments = ball.shape, ball.radius, offset.T, moved.T, approach
             gaps.append(gap(*arguments, model.is_finite, model.contact.angle))
         return {"gap": np.min(gaps, axis=0)}
 

@@ -73,12 +73,15 @@ def test_confined_compression_is_written_exactly(confined: Any) -> None:
 def test_small_strain_writes_hookes_stress_and_linear_measures(tmp_path: Path) -> None:
     rig = coarse(single(0.1, poisson=NU, shape="paraboloid"), tmp_path, "small_strain")
     compress(rig, STRETCH)
+    rig.model.contact.set_approaches(np.array([0.1]))
     with written(rig, tmp_path) as file:
         fields, strain = file["node_fields"], STRETCH - 1.0
         np.testing.assert_allclose(fields["volume_ratio"][:], 1.0 + strain, rtol=ROUNDOFF)
         np.testing.assert_allclose(fields["von_mises"][:], 2.0 * SHEAR * abs(strain), rtol=ROUNDOFF)
         np.testing.assert_allclose(fields["pressure"][:], -(LAME + 2.0 / 3.0 * SHEAR) * strain, rtol=ROUNDOFF)
         np.testing.assert_allclose(fields["principal_stretches"][:, 2], STRETCH, rtol=ROUNDOFF)
+        x, y, z = file["points"][:].T + fields["displacement"][:].T
+        np.testing.assert_allclose(fields["gap"][:], 0.5 * (x**2 + y**2) - 0.1 - z, atol=ROUNDOFF)
 
 
 def test_every_field_names_its_unit_and_meaning(confined: Any) -> None:

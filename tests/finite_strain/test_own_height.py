@@ -15,6 +15,7 @@ from dolfinx.mesh import create_unit_square
 from mpi4py import MPI
 
 import finite_strain
+from finite_strain.contact.contact_energy import gap
 from finite_strain.contact.symbolic import FUNCTIONS, Symbolic
 from finite_strain.observer import Silence
 from finite_strain.refinement_loop import Refinement
@@ -102,6 +103,16 @@ def test_the_pull_of_kinked_bodies_at_small_strain_is_that_of_the_linear_model_w
     assert abs(found.tangential_force[0] - known.tangential_force[0]) < found.tangential_force_error
     assert found.tangential_force_error < 0.05 * abs(known.tangential_force[0])
     assert found.normal_force == pytest.approx(known.normal_force, rel=0.02)
+
+
+@pytest.mark.parametrize("finite", [False, True])
+@pytest.mark.parametrize("bodies", [(WrittenOtherwise(), Bowl()), (Kinked(), KinkedOtherwise())])
+def test_the_written_gap_of_a_height_of_numpy_functions_is_that_of_the_same_body(
+    bodies: tuple[Bowl, Bowl], finite: bool
+) -> None:
+    offset, displacement = np.random.default_rng(1).uniform(-1.0, 1.0, (2, 3, 20))
+    one, other = (gap(body, 1.0, offset, displacement, 0.1, finite, 0.3) for body in bodies)
+    assert one == pytest.approx(other, rel=1e-12)
 
 
 def stepped(x: Any, y: Any) -> Any:
