@@ -81,6 +81,8 @@ class Answers:
         both = np.hypot(at_force.transfer, 2.0 * size * unsure_force)
         if not self.plan.is_paired:  # known errors of T / Q^2 and Q, which may have one sign
             both = (size + at_force.transfer) * (1.0 + unsure_force) ** 2 - size
+        missed_force, missed_pull = _missed(fine, truth)
+        both = both + missed_pull
         enforced = none if self.forces_given else 2.0 * MOST * size * share
         terms = Terms(np.maximum(np.hypot(squared * apart, 2.0 * size * pressed), pulled), enforced, both, solver)
         if self.forces_given:
@@ -88,8 +90,8 @@ class Answers:
             rate = follows / (LEAST * np.maximum(load, max(FAINT * load.max(), 1e-300)))
         else:
             left, rate = MOST * share, np.ones_like(size)
-        shares = follows * moved, np.abs(follows) * left, np.abs(follows) * now.force_transfer
-        other = Terms(*shares, account.tolerance * rate)
+        uncertain = np.abs(follows) * now.force_transfer + (none if self.forces_given else missed_force)
+        other = Terms(follows * moved, np.abs(follows) * left, uncertain, account.tolerance * rate)
         imbalance, doubt = self._imbalance(now.tangential_force, terms.total)
         pull, raw = now.tangential_force.copy(), terms.total
         worst = self._worst(raw)
@@ -100,7 +102,8 @@ class Answers:
         shown = Terms(*(doubt * term for term in vars(terms).values())) if counts else other
         through = {self.follows: other.total}
         if self.plan.problem.load.kind == "total_force":
-            through["normal_force"] = _pressed(now, before, "normal_force") * np.hypot(pressed, unsure_force)
+            parts = _pressed(now, before, "normal_force") * np.hypot(pressed, unsure_force)
+            through["normal_force"] = parts + missed_force
         return Answer(
             **vars(account), balls=self._balls(fine, now, pull, truth, doubt * terms.total, through), step=step,
             linear_failure=said if isinstance(said, str) else "",
@@ -282,6 +285,15 @@ def _scale(plan: RunPlan, forces: Sequence[float], pulls: Sequence[float]) -> fl
 def _others_at(worst: int, terms: Terms) -> Terms:
     """Return error terms (balls,) of T in which those of one ball are the sums of the others'."""
     return Terms(*(np.where(np.arange(len(t)) == worst, t.sum() - t[worst], t) for t in vars(terms).values()))
+
+
+def _missed(fine: Row, truth: LinearTruth | None) -> tuple[np.ndarray, np.ndarray]:
+    """Return Q and |T| (balls,) [N] of `linear_bem` where a ball presses in it, but in no model on the mesh."""
+    small = fine.small or fine.own
+    if truth is None:
+        return np.zeros_like(small.normal_force), np.zeros_like(small.normal_force)
+    untouched = (fine.own.normal_force <= 0.0) & (small.normal_force <= 0.0)
+    return untouched * truth.normal_force, untouched * np.linalg.norm(truth.tangential_force, axis=1)
 
 
 def _pressed(now: Paired, before: Paired, name: str) -> np.ndarray:

@@ -214,6 +214,24 @@ def test_a_ball_that_only_the_coarser_mesh_presses_has_an_error_of_its_force() -
     assert errors == relatively([FEW[1] * gain(CUBIC, QUADRATIC) * 0.01] * 2, ROUNDOFF)
 
 
+@pytest.mark.parametrize("kind", ["approach", "total_force"])
+@pytest.mark.parametrize("model", ["finite_strain", "small_strain"])
+def test_a_ball_that_presses_in_the_linear_model_but_not_on_the_mesh_has_errors_that_contain_its_forces(
+    model: str, kind: str
+) -> None:
+    problem = UNEQUAL if kind == "approach" else UNEQUAL.with_load(kind, (0.3,))
+    plan = plan_run(problem if model == "finite_strain" else at_small_strain(problem), 0.1, model)
+    answers, untouched = Answers(plan, [Record(QUADRATIC), Record(CUBIC)]), of_two((0.3, 0.0), (0.1, 0.1))
+    for record in (answers.coarse, answers.fine):
+        record.rows.append(Row(untouched, untouched if model == "finite_strain" else None))
+    pulls, one = np.array([[1e-4, 0.0], [-1e-4, 0.0]]), np.ones(2)
+    truth = LinearTruth(np.array([0.298, 0.002]), untouched.approach, pulls, 0.0 * one, one, one)
+    ball = answers.answer(1, ACCOUNT, truth).balls[1]
+    assert ball.normal_force == 0.0
+    assert ball.errors["normal_force"] == relatively(0.002, 1e-6)
+    assert abs(ball.tangential_force[0] - pulls[1, 0]) <= ball.tangential_force_error * (1.0 + 1e-9) < 2e-4
+
+
 def test_a_stiffer_or_wider_discretisation_is_compared_with_the_last_one_of_a_lower_resolution() -> None:
     records = [Record(level) for level in (QUADRATIC, CUBIC, replace(CUBIC, penalty=8.0))]
     assert coarser(records) is records[0]
