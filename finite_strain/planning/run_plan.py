@@ -6,7 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 
-from finite_strain.geometry.estimates import LEAST_SHARE, alone, edge_of, known_shape, with_expressions
+import numpy as np
+from scipy.optimize import brentq
+
+from finite_strain.geometry.estimates import LEAST_SHARE, alone, edge_of, known_shape, radius_seen, with_expressions
 from finite_strain.geometry.extent import Extent, choose_extent
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.geometry.symmetry import Reduction, reduce_scene
@@ -20,7 +23,7 @@ from linear_bem.depth import depth_faults
 from linear_bem.errors import InvalidProblem, ThirdBodyError, UnsupportedProblem
 from linear_bem.indenter import HeightFunction
 from linear_bem.law import Law
-from linear_bem.problem import Elements, Problem, SurfaceResponse
+from linear_bem.problem import Ball, Elements, Problem, SurfaceResponse
 from meshes.box import Box, Zone, half_widths
 
 MODELS = ("finite_strain", "small_strain")
@@ -236,16 +239,38 @@ def plan_run(
 
 
 def _check_apart(problem: Problem, expected: Sequence[Indentation]) -> None:
-    """Raise `UnsupportedProblem` if the expected contacts of two round balls meet."""
-    radii = [0.0 if edge_of(known_shape(b)) else e.contact_radius for b, e in zip(problem.balls, expected, strict=True)]
+    """Raise `UnsupportedProblem` if the expected contacts of two balls without flat ends meet."""
+    balls = problem.balls
     for i, j in itertools.combinations(range(problem.size), 2):
-        distance = math.dist(problem.balls[i].position, problem.balls[j].position)
-        if radii[i] + radii[j] >= distance:
+        x, y = np.subtract(balls[j].position, balls[i].position)
+        distance = math.hypot(x, y)
+        first, second = _extent(balls[i], expected[i], x, y), _extent(balls[j], expected[j], -x, -y)
+        if first + second >= distance:
             raise UnsupportedProblem(
-                f"load.{problem.load.kind}, balls.positions: the contacts of balls {i} and {j}, about {radii[i]:.3g} "
-                f"and {radii[j]:.3g} m in radius, would meet at a distance of {distance:.3g} m; press less, or move "
-                "the balls apart"
+                f"load.{problem.load.kind}, balls.positions: the contacts of balls {i} and {j}, which extend about "
+                f"{first:.3g} and {second:.3g} m towards each other, would meet at a distance of {distance:.3g} m; "
+                "press less, or move the balls apart"
             )
+
+
+def _extent(ball: Ball, state: Indentation, x: float, y: float) -> float:
+    """Return how far [m] a contact extends from its ball's axis towards a point (x, y) [m], 0 under a flat end.
+
+    It has the shape of the body's section by the undeformed surface.
+    """
+    shape, far = known_shape(ball), math.hypot(x, y)
+    if isinstance(shape, str):
+        return state.contact_radius
+    if edge_of(shape):
+        return 0.0
+    end = min(shape.reach / far, 1.0)
+
+    def excess(share: float) -> float:
+        return float(shape.height(share * x, share * y)) - state.approach
+
+    width = far * (brentq(excess, 0.0, end) if excess(end) > 0.0 else end)
+    round_one = math.sqrt(2.0 * state.approach * radius_seen(shape, ball.radius, state.approach))
+    return state.contact_radius * width / round_one
 
 
 def model_of(problem: Problem) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ from finite_strain.planning.forecast import forecast
 from finite_strain.planning.run_plan import plan_run
 from linear_bem import Ball, Elastic, FiniteStrain, InvalidProblem, Layer, Load, Problem, UnsupportedProblem
 from linear_bem.closed_forms import indentation_of_layer
-from linear_bem.indenter import Cone
+from linear_bem.indenter import Cone, Indenter
 from tests.finite_strain.scenes import (
     COARSER,
     UNEQUAL,
@@ -158,6 +158,24 @@ def test_forces_under_which_contacts_would_meet_are_refused() -> None:
     problem = pair(0.1, thickness=3.0, shape="paraboloid").with_load("force", (4.0, 4.0))
     with pytest.raises(UnsupportedProblem, match=r"^load\.force, balls\.positions: the contacts of balls 0 and 1"):
         plan_run(replace(problem, finite_strain=FiniteStrain()), 0.1, "finite_strain")
+
+
+class Long(Indenter):
+    """A paraboloid whose sections are seven times as long as wide."""
+
+    apex_radius = 2.0
+
+    def height(self, x: Any, y: Any) -> Any:
+        return 0.5 * (x**2 / 14.0 + 3.5 * y**2)
+
+
+def test_forces_on_long_bodies_are_refused_where_their_contacts_meet_along_the_line_between_them() -> None:
+    side_by_side, in_a_row = (
+        pair(Load("force", (0.06, 0.06)), distance=0.7, shape=Long(), angle=angle) for angle in (0.5 * math.pi, 0.0)
+    )
+    plan_run(side_by_side, 0.1, "finite_strain")  # round contacts of equal area have a radius of 0.4
+    with pytest.raises(UnsupportedProblem, match=r"extend about (.*) and \1 m towards each other, .* distance of 0\.7"):
+        plan_run(in_a_row, 0.1, "finite_strain")
 
 
 def test_a_path_of_forces_ends_with_its_key_where_the_layer_ends(tmp_path: Path) -> None:
