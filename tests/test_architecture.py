@@ -18,7 +18,7 @@ MAY_IMPORT = {
     "linear_bem": set[str](),
     "meshes": SHARED_WORDS - {"linear_bem.result"},
     "finite_strain": SHARED_WORDS
-    | {f"linear_bem.{name}" for name in ("counts", "depth", "dual", "layer.kernel", "memory", "solver")}
+    | {f"linear_bem.{name}" for name in ("counts", "depth", "doubts", "dual", "layer.kernel", "memory", "solver")}
     | {"meshes"},
     "runs": {"linear_bem", "meshes", "finite_strain"},
 }

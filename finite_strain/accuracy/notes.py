@@ -9,7 +9,8 @@ from finite_strain.mechanics.volumetric import form_notes
 from finite_strain.planning.records import Record
 from finite_strain.planning.run_plan import RunPlan
 from linear_bem.counts import grouped
-from linear_bem.depth import dent, large_strain_note, overlap_note
+from linear_bem.depth import overlap_note
+from linear_bem.doubts import large_strain_notes
 from linear_bem.result import FAINT, UNRESOLVED
 
 HALF = 0.5
@@ -82,11 +83,11 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             f"the surface overhangs {away:.2g} m from a ball's axis: it does not pass through planes of symmetry, but "
             "contact of the surface with itself is not computed"
         )
+    approaches = np.array([ball.approach for ball in last.balls])
     if not plan.is_hyperelastic:
-        layer, ball = plan.problem.layer, max(last.balls, key=lambda ball: ball.approach)
-        base = dent(plan.problem.substrate, layer.thickness, ball.normal_force, ball.contact_area)
-        notes += large_strain_note(layer, ball.approach, base)
-    notes += overlap_note(plan.problem, np.array([ball.approach for ball in last.balls]))
+        forces, areas = np.array([(ball.normal_force, ball.contact_area) for ball in last.balls]).T
+        notes += large_strain_notes(plan.problem, approaches, forces, areas)
+    notes += overlap_note(plan.problem, approaches)
     failures = dict.fromkeys(step.linear_failure for step in record.steps if step.linear_failure)
     notes += [f"no correction by the small-strain pair, because linear_bem has no answer: {text}" for text in failures]
     if plan.has_free_sides:

@@ -12,7 +12,7 @@ import numpy as np
 
 from finite_strain.geometry.estimates import alone, gap_from
 from linear_bem.closed_forms import Indentation
-from linear_bem.depth import dent
+from linear_bem.depth import dent, given_by_others
 from linear_bem.problem import Ball, Problem
 
 if TYPE_CHECKING:
@@ -157,11 +157,16 @@ class PrescribedForce(PrescribedLoad):
     def ended_by(self, fraction: float, approaches: Sequence[float], balls: Sequence[ModelBall]) -> str:
         """Return that the force is too large if much of it is left and the layer gives nearly `LARGEST_APPROACH`."""
         kind, h = self.problem.load.kind, self.problem.layer.thickness
-        states = [self.single(ball, fraction * self.values[ball.index]) for ball in balls]
-        given = max(approach - self._dent(state) for approach, state in zip(approaches, states, strict=True))
+        forces = fraction * np.array(self.values)
+        given = max(
+            approach
+            - self._dent(self.single(ball, forces[ball.index]))
+            - given_by_others(self.problem, ball.index, forces)
+            for ball, approach in zip(balls, approaches, strict=True)
+        )
         if given < (LARGEST_APPROACH - ENDING) * h or fraction > ENDED:
             return ""
-        base = "" if self.problem.substrate is None else ", without the dent of the substrate"
+        base = "" if self.problem.substrate is None else ", without the dent of the substrate,"
         full = max(self.problem.load.values)
         return (
             f"load.{kind}: finite elements take forces whose approach{base} stays below about {LARGEST_APPROACH:g} of "

@@ -35,12 +35,16 @@ from finite_strain.planning.records import (
 )
 from finite_strain.planning.refinement import coarser
 from finite_strain.planning.run_plan import plan_run
+from linear_bem import Elastic
+from linear_bem.depth import LARGE_STRAIN
 from linear_bem.result import FAINT
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, UNEQUAL, at_small_strain, pair, relatively
 from tests.finite_strain.test_pairs import linear, state
 
 ROUNDOFF = 1e-12
 FINER = Discretisation(3, 1.5)
+SOFT = Elastic(0.91, 0.3)
+"""A base with a contact modulus of 1 Pa."""
 
 
 def test_terms_add_in_quadrature() -> None:
@@ -332,17 +336,29 @@ def test_a_surface_that_may_touch_itself_is_noted(seen_area: float, crossing: fl
     assert all(noted in note for note in said)
 
 
-@pytest.mark.parametrize(("approach", "noted"), [(0.28, False), (0.3, True)])
-def test_small_strain_is_noted_where_it_does_not_hold(approach: float, noted: bool) -> None:
-    plan = plan_run(at_small_strain(pair(approach)), 0.1, "small_strain")
+@pytest.mark.parametrize(
+    ("approach", "thickness", "base", "noted"),
+    [
+        (0.28, 1.16, None, ""),
+        (0.3, 1.16, None, "of the layer's thickness: strains"),
+        (1.0, 1.16, SOFT, ""),  # 0.65 m is the dent by the own force, 0.16 m that by the other ball's
+        (1.6, 7.0, None, "of its ball's radius"),
+    ],
+)
+def test_small_strain_is_noted_where_it_does_not_hold(
+    approach: float, thickness: float, base: Elastic | None, noted: str
+) -> None:
+    problem = at_small_strain(pair(approach, thickness=thickness, substrate=base))
+    plan = plan_run(problem, 0.1, "small_strain")
     ball = SimpleNamespace(
         tangential_force=(1.0, 0.0), tangential_force_error=0.01, approach=approach, normal_force=1.0, contact_area=1.0
     )
     step = SimpleNamespace(balls=(ball, ball), linear_failure="")
     rows = [Row(SimpleNamespace(fraction=1.0), None)]  # type: ignore[arg-type]
     record = Record(CUBIC, steps=[step], rows=rows, reached=0.01, scale=1.0)  # type: ignore[list-item]
-    said = [note for note in result_notes(plan, record, "", 1.0) if "of the layer's thickness" in note]
-    assert len(said) == noted
+    said = [note for note in result_notes(plan, record, "", 1.0) if note.startswith(LARGE_STRAIN)]
+    assert len(said) == bool(noted)
+    assert all(noted in note for note in said)
 
 
 def test_a_force_near_zero_is_noted_once_for_equal_balls() -> None:

@@ -186,6 +186,15 @@ def test_a_path_of_forces_ends_with_its_key_where_the_layer_ends(tmp_path: Path)
         finite_strain.solve(problem, accuracy=0.3, numerics=COARSER, folder=tmp_path)
 
 
+@pytest.mark.parametrize(("given_by_layer", "ended"), [(0.96, False), (1.0, True)])  # 0.85 of the thickness: 0.986 m
+def test_what_the_base_gives_under_all_balls_does_not_end_a_path(given_by_layer: float, ended: bool) -> None:
+    problem = pair(Load("force", (0.5, 0.5)), substrate=Elastic(0.91, 0.3))
+    force, balls = 0.3, reduce_scene(problem).balls
+    own, other = 0.75 * force / 1.16, force / (2.0 * math.pi)
+    said = prescribed(problem).ended_by(0.6, [given_by_layer + own + other], balls)
+    assert said.startswith("load.force: finite elements take forces") == ended
+
+
 def test_touching_balls_do_not_overlap_however_deep() -> None:
     for approach in (0.5, 1.0, 1.6):
         assert prescribed(pair(approach, thickness=2.0)).faults("finite_strain") == []
