@@ -2,8 +2,9 @@
 
 At small load S - 1 is a power series in x = sqrt(D) and Q is proportional to x^3 (Hertz), so (S - 1) / x and Q / x^3
 are smooth and are interpolated by cubic splines through the steps. The error is the sum of two terms: the error of the
-two neighbouring steps; and the largest change when one of the four nearest steps is omitted (several times the error
-of the spline through all steps), times a factor that falls to 0 at the steps.
+two neighbouring steps (of Q also that of the approach times dQ / dD); and the largest change when one of the four
+nearest steps is omitted (several times the error of the spline through all steps), times a factor that falls to 0 at
+the steps.
 """
 
 import math
@@ -67,8 +68,10 @@ def interpolants(rows: Sequence[Mapping[str, Any]], ball: int) -> dict[str, Inte
     for name, (at_no_load, power) in COLUMNS.items():
         known = [row for row in path if row.get(name) is not None and math.isfinite(row[name])]
         if len(known) >= 3 and np.all(np.diff([row["approach"] for row in known]) > 0.0):
-            columns = [[row["approach"], row[name], row.get(f"{name}_error") or 0.0] for row in known]
-            approaches, values, errors = np.array(columns).T
+            keys = "approach", name, f"{name}_error", "approach_error"
+            approaches, values, errors, apart = np.array([[row.get(key) or 0.0 for key in keys] for row in known]).T
+            if name == "normal_force":  # under forces it is known, but at which approach is not
+                errors = errors + apart * np.abs(np.gradient(values, approaches, edge_order=2))
             found[name] = Interpolant(approaches, values, errors, at_no_load, power)
     return found
 

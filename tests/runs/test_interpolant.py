@@ -60,6 +60,17 @@ def test_a_table_runs_from_the_first_step_to_the_last() -> None:
     assert found[20]["normal_force"] == pytest.approx(0.25**1.5, abs=1e-12)
 
 
+def test_under_forces_the_error_of_the_approach_counts_as_one_of_the_force_at_an_approach() -> None:
+    rows = [
+        {"ball": 0, "approach": d, "approach_error": 0.01 * d, "normal_force": d**1.5, "normal_force_error": 0.0}
+        for d in np.linspace(0.1, 0.5, 6)
+    ]
+    curve = interpolants(rows, 0)["normal_force"]
+    for d in np.linspace(0.1, 0.5, 41):
+        value, error = curve(d)
+        assert 0.014 * value < error < 0.018 * value
+
+
 STEPS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 
 
