@@ -172,8 +172,40 @@ def _radius(problem: Problem, factor: float) -> Problem:
     return dataclasses.replace(problem, balls=tuple(balls))
 
 
+@dataclass(frozen=True)
+class _Similar(Indenter):
+    """An own ``body`` with all its lengths times ``factor``."""
+
+    body: Indenter
+    factor: float
+
+    def _faults_of(self, key: str, value: Any) -> list[str]:
+        return []
+
+    @property
+    def apex_radius(self) -> float:
+        return self.factor * self.body.apex_radius
+
+    @property
+    def reach(self) -> float:
+        return self.factor * self.body.reach
+
+    @property
+    def edge(self) -> tuple[float, float] | None:
+        edge = self.body.edge
+        return edge and (self.factor * edge[0], self.factor * edge[1])
+
+    def half_width(self, x: float, y: float) -> float:
+        return self.factor * self.body.half_width(x, y)
+
+    def height(self, x: Any, y: Any) -> Any:
+        return self.factor * self.body.height(x / self.factor, y / self.factor)
+
+
 def _scaled(body: Indenter, factor: float) -> Indenter:
-    """Return a similar body: all its lengths times a factor."""
+    """Return a similar body: all its lengths times a factor. Fields of an own class need not be lengths."""
+    if type(body).__module__ != Indenter.__module__:
+        return _Similar(body, factor)
     values: dict[str, Any] = {}
     for field in dataclasses.fields(body):
         value = getattr(body, field.name)

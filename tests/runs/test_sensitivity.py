@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import pytest
 
-from linear_bem import Ball, Cone, Elastic, Layer, Load, Problem, solve
+from linear_bem import Ball, Cone, Elastic, Indenter, Layer, Load, Problem, solve
 from runs.comparison import sensitivity
 from runs.comparison.sensitivity import beside, check, holds, ratio, record, rows
 from runs.display.numbers import Scale
@@ -75,13 +76,37 @@ def test_one_per_cent_is_what_solving_again_says() -> None:
     )
 
 
-def test_other_bodies_grow_as_a_whole() -> None:
-    cone = Cone(math.radians(30.0), 0.5)
-    scene = Problem(Layer(1.0, 0.4, 2.0), (Ball((0.0, 0.0), shape=cone),), Load("approach", (0.1,)))
+@dataclasses.dataclass(frozen=True)
+class Blunt(Indenter):
+    """A body of the user's, with a field that is no length."""
+
+    size: float
+    power: float
+    reach = 2.0
+
+    @property
+    def apex_radius(self) -> float:
+        return self.size
+
+    @property
+    def edge(self) -> tuple[float, float]:
+        return 0.5, 0.1
+
+    def height(self, x: Any, y: Any) -> Any:
+        r2 = (x**2 + y**2) / self.size**2
+        return self.size * (0.5 * r2 + r2**self.power)
+
+
+@pytest.mark.parametrize("body", [Cone(math.radians(30.0), 0.5), Blunt(0.5, 2.0)])
+def test_other_bodies_grow_as_a_whole(body: Indenter) -> None:
+    scene = Problem(Layer(1.0, 0.4, 2.0), (Ball((0.0, 0.0), shape=body),), Load("approach", (0.1,)))
     grown = sensitivity._radius(scene, 1.2).balls[0]
     assert grown.radius == pytest.approx(0.6)
-    assert isinstance(grown.shape, Cone)
-    assert grown.shape.height(1.2, 0.6) == pytest.approx(1.2 * cone.height(1.0, 0.5))
+    assert isinstance(grown.shape, Indenter)
+    assert grown.shape.height(1.2, 0.6) == pytest.approx(1.2 * body.height(1.0, 0.5))
+    assert grown.shape.reach == pytest.approx(1.2 * body.reach)
+    assert grown.shape.edge == (None if body.edge is None else pytest.approx((0.6, 0.12)))
+    assert grown.shape.half_width(1.0, 0.0) == pytest.approx(1.2 * body.half_width(1.0, 0.0))
 
 
 def test_one_ball_has_no_sensitivity_and_a_profile_says_why() -> None:
