@@ -66,12 +66,14 @@ def _row(case: Case, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     size, _ = pull(linear[-1]["balls"])
     scale = scale_of_force(case.problem, np.full(2, ball["normal_force"]))
     share = abs(size) / max(abs(size), scale)
+    # the error bar of small_strain is its difference from linear_bem, which no answer exceeds
+    within = None if case.model == SMALL else "yes" if abs(value - 1.0) <= bar else "no"
     return {
         "model": case.model, "h": case.labels["h"], "L": case.labels["L"],
         "D": " and ".join(f"{d:.3g}" for d in depths[[0, -1]]) if len(steps) > 1 else f"{depths[0]:.3g}",
         "T/Q": size / ball["normal_force"], "ratio": (value, bar), "off": 100.0 * (value - 1.0), "bar": 100.0 * bar,
-        "of scale": 100.0 * (value - 1.0) * share, "in bar": "yes" if abs(value - 1.0) <= bar else "no",
-        "verdict": claimed(abs(value - 1.0) * share <= WANTED, bar * share),
+        "of scale": 100.0 * (value - 1.0) * share, "in bar": within,
+        "verdict": claimed(abs(value - 1.0) * share <= WANTED, bar * share if within else 0.0),
     }  # fmt: skip
 
 
