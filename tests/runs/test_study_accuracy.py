@@ -15,7 +15,7 @@ import linear_bem
 from finite_strain import Numerics
 from finite_strain.planning.run_plan import plan_run
 from runs.display.style import panels
-from runs.studies.accuracy import picture
+from runs.studies.accuracy import answer, picture
 from runs.studies.accuracy.answer import DEFAULTS, advice, measured, present
 from runs.studies.accuracy.matrix import OWN, PARAMETERS, REFERENCES, TRUE, USUAL_CASE, Turned, cases
 from runs.studies.accuracy.picture import front
@@ -143,6 +143,16 @@ def test_the_answer_is_made_from_what_is_there(found: Found, tmp_path: Path) -> 
     assert "no rows yet" in present(Found(found.cases, {}), tmp_path)
     without = {name: record for name, record in found.records.items() if name != "finite-strain-reference"}
     assert "linear_bem" in present(Found(found.cases, without), tmp_path)  # and no empty picture fails
+
+
+def test_an_estimate_that_is_the_difference_from_the_reference_is_not_judged_by_it(
+    found: Found, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(answer, "draw", lambda rows, folder: None)
+    said = "have an error above their own"
+    assert said in present(found, tmp_path)
+    lone = {name: found.records[name] for name in ("small-strain-0.1", "linear-bem-reference")}
+    assert said not in present(Found(found.cases, lone), tmp_path)
 
 
 def test_labels_cover_no_whisker_no_point_and_no_other_label() -> None:

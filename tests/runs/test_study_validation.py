@@ -123,7 +123,22 @@ def test_long_et_al_are_compared_within_the_range_they_state() -> None:
 
 
 def test_a_page_is_made_of_whatever_answers_are_there(tmp_path: Path) -> None:
-    (elements,) = (case for case in cases(quick=False) if case.name.endswith("-elements"))
-    step = {"balls": [{"normal_force": 1.0}], "record": {"normal_force_error": [0.01]}}
-    text = present(Found((elements,), {elements.name: {"state": "done", "steps": [step]}}), tmp_path)
+    elements, _ = pressed_elements(1.0)
+    text = present(elements, tmp_path)
     assert "1 published results compared" in text  # a response needs no case
+
+
+def pressed_elements(share: float) -> tuple[Found, str]:
+    """Return the coating pressed by elements whose force is ``share`` of linear_bem's, and the name of its twin."""
+    (case,) = (case for case in cases(quick=False) if case.name.endswith("-elements"))
+    step = {"balls": [{"normal_force": share}], "record": {"normal_force_error": [abs(share - 1.0)]}}
+    return Found((case,), {case.name: {"state": "done", "steps": [step]}}), case.name.removesuffix("-elements")
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.97, AGREES), (0.9, DIFFERS), (1.1, DIFFERS)])
+def test_elements_that_know_their_difference_from_the_linear_model_may_still_differ(share: float, verdict: str) -> None:
+    elements, twin = pressed_elements(share)
+    linear = {"state": "done", "steps": [{"balls": [{"normal_force": 1.0}]}] * 3}
+    (comparison,) = (c for c in COMPARISONS if c.key == "perriot")
+    ((point,),) = comparison.points(Found(elements.cases, {**elements.records, twin: linear})).values()
+    assert point.verdict == verdict

@@ -9,6 +9,7 @@ from runs.display.numbers import duration
 from runs.process.files import write_csv
 from runs.studies.accuracy.matrix import ALL_RANKS, LADDER, OWN, PARAMETERS, REFERENCES, TRUE, USUAL_CASE, cases
 from runs.studies.accuracy.picture import draw
+from runs.studies.framework.case import SMALL
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.saved_cases import DONE, Found
 from runs.studies.framework.template import render
@@ -103,11 +104,17 @@ def _changed(rows: Sequence[Mapping[str, Any]], usual: Mapping[str, Any]) -> lis
 
 
 def _judged(rows: Sequence[Mapping[str, Any]]) -> list[tuple[float, str]]:
-    """Return errors over their own estimates, with the model, where the reference is accurate enough."""
+    """Return errors over their own estimates, with the model, where the reference is accurate enough.
+
+    Small strain is left out: its estimate is its difference from the reference.
+    """
     return [
         (row[OWN] / row["estimate"], row["model"])
         for row in rows
-        if row[OWN] is not None and row["estimate"] and (row[f"{OWN}, known to"] or math.inf) < 0.1 * row["estimate"]
+        if row[OWN] is not None
+        and row["model"] != SMALL
+        and row["estimate"]
+        and (row[f"{OWN}, known to"] or math.inf) < 0.1 * row["estimate"]
     ]
 
 
