@@ -228,10 +228,11 @@ def test_refusals_need_a_name_and_failures_keep_theirs() -> None:
 
 def test_a_linear_answer_is_judged_by_its_routes_and_recomputed_residuals() -> None:
     def linear(slope: float, residual: float) -> str:
-        state = ball(0.1, 0.1) | {"tangential_force_routes": {"mutual": [-1e-3, 0.0], "slope": [slope, 0.0]}}
+        routes = {"mutual": [-1e-3, 0.0], "slope": [slope, 0.0]}
+        state = ball(0.1, 0.1, error=2.0 * abs(slope + 1e-3)) | {"tangential_force_routes": routes}
         record = {"steps": [{"balls": [state], "record": {}}], "solved": {"certificate": {"load": residual}}}
         return verdict(found(a=record), "a", {"check": None})[0]
 
-    assert linear(-1.005e-3, 1e-6) == "right"
-    assert linear(-1.05e-3, 1e-6) == "WRONG"
+    assert linear(-1.00005e-3, 1e-6) == "right"
+    assert linear(-1.03e-3, 1e-6) == "WRONG"  # within its error, which has this difference
     assert linear(-1e-3, 1e-2) == "WRONG"
