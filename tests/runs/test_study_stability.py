@@ -17,7 +17,7 @@ from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.saved_cases import ENDED, Found
 from runs.studies.stability.answer import present
-from runs.studies.stability.bars import path_bars
+from runs.studies.stability.judging import verdict
 from runs.studies.stability.matrix import cases, hard_cases
 from tests.runs.saved_paths import ball, path
 
@@ -79,25 +79,15 @@ def test_linear_cases_pass_the_load_steps_of_the_elements() -> None:
     assert case.key() != dataclasses.replace(case, steps=(1.0,)).key()
 
 
-def test_bars_of_every_load_step_are_judged_where_the_linear_answer_knows_better() -> None:
-    def at(pulls: list[float], error: float) -> list[dict[str, Any]]:
-        return [
-            {"balls": [ball(0.1, 0.1, pull=-p, error=error)], "record": {"fraction": n}} for n, p in enumerate(pulls)
-        ]
-
-    chosen = tuple(c for c in cases(quick=False) if c.labels["case"] == "usual")
+@pytest.mark.parametrize(("off", "ended"), [(0.09, "right"), (0.11, "WRONG")])
+def test_small_strain_is_wrong_beyond_its_tolerance_though_within_its_error_bar(off: float, ended: str) -> None:
+    (case,) = (c for c in cases(quick=False) if c.name == "usual-small-strain")
+    pulls = {"usual-small-strain": (1e-3, off * 1e-3), "usual-linear-bem": ((1.0 - off) * 1e-3, 1e-9)}
     records = {
-        "usual-small-strain": {"state": "done", "steps": at([1.03e-3, 1.005e-3, 1.0e-3], 1e-5)},
-        "usual-linear-bem": {"state": "done", "steps": at([1e-3, 1e-3, 1e-3], 1e-9)},
+        name: {"state": "done", "steps": [{"balls": [ball(0.1, 0.1, pull=-pull, error=error)], "record": {}}]}
+        for name, (pull, error) in pulls.items()
     }
-    (row,) = path_bars(Found(chosen, records))
-    assert row["steps"] == 3
-    assert row["beyond their bar"] == 1
-    assert row["largest error over bar"] == pytest.approx(3.0)
-    assert row["error there [%]"] == pytest.approx(3.0 / 1.03)
-    assert row["error over bar at full load"] == pytest.approx(0.0)
-    records["usual-linear-bem"]["steps"] = at([1e-3] * 3, 1e-5)  # no better than what it would judge
-    assert path_bars(Found(chosen, records)) == []
+    assert verdict(Found((case,), records), case.name, case.labels)[0] == ended
 
 
 def test_the_table_counts_how_cases_ended(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The study's page: outcome and cost of every case, and whether the error bars hold along the load."""
+"""The study's page: outcome and cost of every case."""
 
 from collections import Counter
 from pathlib import Path
@@ -9,7 +9,6 @@ from runs.studies.framework.case import Case
 from runs.studies.framework.runner import study_of_cases
 from runs.studies.framework.saved_cases import ENDED, Found
 from runs.studies.framework.template import render
-from runs.studies.stability.bars import path_bars, summary
 from runs.studies.stability.judging import energy_balance, last_good, meshed_forces, took, verdict
 from runs.studies.stability.matrix import cases
 
@@ -17,12 +16,10 @@ from runs.studies.stability.matrix import cases
 def present(found: Found, folder: Path) -> str:
     """Write stability.csv and return the table and the counts as Markdown."""
     rows = [_row(found, case) for case in found.cases]
-    bars = path_bars(found)
     pairs = ({"T": row["T"][0], "error of T": row["T"][1]} if row["T"] else {} for row in rows)
     write_csv(folder / "stability.csv", [row | pair for row, pair in zip(rows, pairs, strict=True)])
-    write_csv(folder / "bars.csv", bars)
     return render(
-        __file__, rows=rows, counts=Counter(row["ended"] for row in rows), held=summary(bars), bars=bars,
+        __file__, rows=rows, counts=Counter(row["ended"] for row in rows),
         numbers=[key for key in rows[0] if key not in ("why", "words")],
     )  # fmt: skip
 
