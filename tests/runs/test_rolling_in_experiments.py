@@ -43,6 +43,11 @@ def test_balls_stay_where_they_were_seen_only_if_they_are_there_later(end: float
     assert LEFT.judge({PAIR: pair(end, at_rest)}).verdict == verdict
 
 
+@pytest.mark.parametrize(("end", "verdict"), [(0.0445, NO), (0.05, YES), (5.0, NO)])
+def test_balls_separate_to_about_the_distance_that_was_seen_and_not_to_any_other(end: float, verdict: str) -> None:
+    assert APART.judge({PAIR: pair(end, at_rest=True)}).verdict == verdict
+
+
 def test_the_page_says_which_share_explains_every_report(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(resistance, "POINTS", (LEFT, APART))
     free, by_share = {PAIR: pair(0.065, at_rest=False)}, {1e-4: {PAIR: pair(0.05, at_rest=True)}}

@@ -108,8 +108,9 @@ def _observation(point: Point, small: Finding | None, large: Finding | None) -> 
 
 
 def _errors(model: str, documents: Documents) -> dict[str, Any]:
-    """Return one model's sources of error: additivity by radius, and those of runs with the name of their case."""
+    """Return one model's sources of error: additivity by radius and nu, and of runs with the name of their case."""
     tables = [table for document in documents.values() if (table := document["pair_table"]) is not None]
+    solids = [(table["identity"]["radius"], table["identity"]["layer"]["poisson"]) for table in tables]
     shares = [
         (row["share"], case, row["at"])
         for case, document in documents.items()
@@ -119,7 +120,8 @@ def _errors(model: str, documents: Documents) -> dict[str, Any]:
     places = [(d["position_error"], case) for case, d in documents.items() if d["path"][-1]["sigma"] > 0.0]
     ends = {case: d["equilibrium"] for case, d in documents.items() if d["rest"]["at_rest"] and d["equilibrium"]}
     return {
-        "model": model, "additivity": {table["identity"]["radius"]: table["additivity"] for table in tables},
+        "model": model,
+        "additivity": {solid: table["additivity"] for solid, table in zip(solids, tables, strict=True)},
         "share": max(shares, default=None), "place": max(places, default=None),
         "unstable": {case: end["verdict"] for case, end in ends.items() if end["verdict"] != "stable"},
         "stable": [end["distance_from_end"] for end in ends.values() if end["verdict"] == "stable"],
