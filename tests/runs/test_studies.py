@@ -16,6 +16,8 @@ from runs import studies
 from runs.studies.collective import answer as collective
 from runs.studies.experiments import answer as experiments
 from runs.studies.figures import answer as figures
+from runs.studies.figures import map_lengths, modulus
+from runs.studies.framework.template import render
 from runs.studies.peers import answer as peers
 from tests.launch import thirdbody
 
@@ -128,6 +130,19 @@ def test_the_law_has_touching_balls_change_sign_where_the_solver_does(out: Path)
         assert found[f"{end}_L_over_h"] == pytest.approx(found[f"full_{end}_at_contact"], rel=0.01)
     seen = found["experiments"]
     assert seen["16 mm"] < 0.0 < seen["10 mm"] < seen["7 mm"]
+    assert found["as_seen"] == 3
+    assert "the sign agrees with the experiment in 3 of 3." in (out / "figures.md").read_text(encoding="utf-8")
+
+
+def test_the_words_on_agreement_with_the_paper_follow_the_signs_of_the_forces(out: Path) -> None:
+    assert map_lengths.as_seen({"16 mm": 0.252, "10 mm": -0.195, "7 mm": -0.592}) == 0
+    parts = [(part, numbers(out, part.stem)) for part in figures.PARTS]
+    given: dict[str, Any] = {"command": "", "seconds": 1.0, "versions": "", "python": ""}
+    text = render(figures.__file__, parts=parts, **given)
+    assert text.count("- Agrees") == 8
+    assert "Does not agree" not in text
+    turned = {**numbers(out, "figure_11_modulus"), "at_60_MPa": 1e-7}
+    assert "- Does not agree: a stiffer layer" in render(figures.__file__, parts=[(modulus.PART, turned)], **given)
 
 
 def test_finished_parts_are_not_computed_again(

@@ -1,5 +1,6 @@
 """Map of the sign of T over thickness and distance by the point-load law, checked with the full solver."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -38,17 +39,24 @@ def compute(quick: bool) -> Findings:
     agreement, check = against_solver(("h", "L"), places, lambda h, distance: law.attraction(distance / h), full)
     roots = Curve(lambda h: Pair(thickness=h), [0.16, 0.19, 1.6, 1.8], asked).sign_changes()
     rigid = PointLaw(0.48, 1e-6)
+    touching = {name: float(rigid.attraction(2.0 / thickness)) for name, (thickness, _) in EXPERIMENTS.items()}
     numbers = {
         "lower_L_over_h": float(lower),
         "upper_L_over_h": float(upper),
         "full_upper_at_contact": 2.0 / roots[0],
         "full_lower_at_contact": 2.0 / roots[1],
         **agreement,
-        "experiments": {name: float(rigid.attraction(2.0 / thickness)) for name, (thickness, _) in EXPERIMENTS.items()},
+        "experiments": touching,
+        "as_seen": as_seen(touching),
         "share_left_at_rest": float(rigid.attraction(FINAL / 1.25) * 4.0 / FINAL**2 / rigid.attraction(2.0 / 1.25)),
     }
     grid = {"h": np.tile(h, distance.size), "L": np.repeat(distance, h.size), "T_over_half_space": ratio.ravel()}
     return Findings({"map": grid, "check": check}, numbers)
+
+
+def as_seen(ratios: Mapping[str, float]) -> int:
+    """Return for how many of the experiments the sign of T/T0 is that of what was seen."""
+    return sum((ratios[name] < 0.0) == separated for name, (_, separated) in EXPERIMENTS.items())
 
 
 def draw(found: Findings) -> Any:
