@@ -10,6 +10,7 @@ import signal
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -17,15 +18,19 @@ import pytest
 import linear_bem.solver
 from linear_bem import solve
 from linear_bem.errors import InvalidProblem, OutputUnusable
+from linear_bem.result import Step
 from runs.reporting import page_of
 from runs.reporting.folder import read_folder
 from runs.studies import Options, read_shard
+from runs.studies.framework import runner
 from runs.studies.framework import study as studies
-from runs.studies.framework.case import varied
+from runs.studies.framework.case import Case, varied
 from runs.studies.framework.pair import pair
+from runs.studies.framework.saved_cases import Found, StudyFolder
 from runs.studies.framework.study import BEGIN, END, publish
 from runs.studies.strengthening.matrix import cases, law_cases
 from tests.launch import STAND_IN, thirdbody
+from tests.runs.saved_paths import path
 
 Resumed = tuple[subprocess.CompletedProcess[str], subprocess.CompletedProcess[str], Path]
 LINEAR = 2e-4
@@ -132,6 +137,22 @@ def test_a_case_that_fails_is_recorded_with_its_reason_and_its_load_path(tmp_pat
     with open(tmp_path / "out/factors.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert sum(row["case"] == NAMES[0] for row in rows) == 2
+
+
+def test_a_case_that_is_interrupted_on_two_ranks_has_the_time_of_both(tmp_path: Path) -> None:
+    case, folder = Case("any", pair(0.1), "finite_strain", 0.1), StudyFolder(tmp_path, "any")
+    attempt = runner._Attempt(case, folder, SimpleNamespace(size=2), {"cpu_seconds": 10.0})
+    attempt.began = attempt.began[0] - 3.0, attempt.began[1]  # seconds of this rank
+    attempt._take(Step.from_dict(path(1.5, 0.1)[0]))
+    record = folder.record(case)
+    assert record is not None
+    assert record["cpu_seconds"] == pytest.approx(16.0, abs=0.5)
+
+
+def test_all_versions_of_a_library_that_made_the_answers_are_named() -> None:
+    made = [{"numpy": "1.24.2", "scipy": "1.10.1"}, {"numpy": "2.4.0", "scipy": "1.10.1"}]
+    records = {str(n): {"solved": {"versions": versions}} for n, versions in enumerate(made)}
+    assert Found((), records).versions() == {"numpy": "1.24.2 and 2.4.0", "scipy": "1.10.1"}
 
 
 def test_the_mark_of_a_study_says_how_its_last_run_ended(tmp_path: Path) -> None:

@@ -95,6 +95,7 @@ class _Attempt:
 
     def __init__(self, case: Case, folder: StudyFolder | None, comm: Any, saved: dict[str, Any] | None) -> None:
         self.case, self.folder, self.comm = case, folder, comm
+        self.ranks = 1 if comm is None else comm.size
         self.steps = [Step.from_dict(step) for step in (saved or {}).get("steps", [])]
         self.spent = float((saved or {}).get("cpu_seconds", 0.0)), float((saved or {}).get("wall_seconds", 0.0))
         self.began = time.process_time(), time.monotonic()
@@ -146,7 +147,9 @@ class _Attempt:
     def _take(self, step: Step) -> None:
         assert self.folder is not None
         self.steps[:] = path_so_far(self.steps, step)
-        self.folder.save(self.case, self._record(RUNNING, self.spent[0] + time.process_time() - self.began[0]))
+        # the other ranks spend about as much as this one: they wait for each other without a pause
+        spent = self.ranks * (time.process_time() - self.began[0])
+        self.folder.save(self.case, self._record(RUNNING, self.spent[0] + spent))
 
     def _record(self, state: str, cpu: float) -> dict[str, Any]:
         return {
@@ -155,7 +158,7 @@ class _Attempt:
             "model": self.case.model,
             "accuracy": self.case.accuracy,
             "labels": dict(self.case.labels),
-            "ranks": 1 if self.comm is None else self.comm.size,
+            "ranks": self.ranks,
             "cpu_seconds": cpu,
             "wall_seconds": self.spent[1] + time.monotonic() - self.began[1],
             "steps": [step.to_dict() for step in self.steps],

@@ -108,11 +108,12 @@ class Found:
         return float(sum(record.get("cpu_seconds", 0.0) for record in self.records.values()))
 
     def versions(self) -> dict[str, str]:
-        """Return the library versions that produced the answers."""
-        found: dict[str, str] = {}
+        """Return the library versions that produced the answers; several of one library are joined by "and"."""
+        found: dict[str, dict[str, None]] = {}
         for record in self.records.values():
-            found |= record.get("solved", {}).get("versions", {})
-        return found
+            for name, version in record.get("solved", {}).get("versions", {}).items():
+                found.setdefault(name, {})[version] = None
+        return {name: " and ".join(versions) for name, versions in found.items()}
 
 
 def lock_of(folder: Path, name: str) -> Path:
