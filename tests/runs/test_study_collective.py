@@ -101,6 +101,8 @@ def test_layers_gather_where_separation_weakens_towards_contact() -> None:
     assert "than balls farther apart (here h >= 1.5 R)" in text
     assert "where touching balls separate most strongly (h <= 1.16 R)" in text
     assert "On h = 1.5 R they separate, with 0.82 of T/Q at a distance of 2.5 R" in text
+    for nowhere in ("nan", "contacts per ball: pairs", "touching balls attract from", "resistance to rolling exceeds"):
+        assert nowhere not in text
 
 
 @pytest.mark.parametrize(("thickness", "fraction", "grows"), [(1.16, 0.5, False), (1.5, 0.3, False), (2.0, 0.5, True)])
@@ -116,7 +118,9 @@ def test_a_uniform_lattice_is_unstable_where_layers_gather(
     row = {"force_over_load": 1e-3, "ended": "at rest", "coordination": 0.0, "steps": 1, "seconds": 1.0}
     path = [{"cycle": 1.0, "cluster_mean": 1.0}]
     done = answer.Finished(Case(thickness, fraction, 200, 1), {**finished([]).row, **row}, path)
-    assert "**Waves in a uniform layer.**" in answer.text([done], {thickness: law}, [], quick=True)
+    text = answer.text([done], {thickness: law}, [], quick=True)
+    assert "**Waves in a uniform layer.**" in text
+    assert re.search(r"defined above\), is (\S+) to \1 on layers that stay as they are \(if it is negative", text)
 
 
 def test_rest_is_said_of_runs_with_resistance_alone() -> None:
@@ -133,6 +137,8 @@ def test_rest_is_said_of_runs_with_resistance_alone() -> None:
         [free, resting, held], {}, [], True
     )
     assert "200 balls on h = 6 R after a path of 53.6 with a mean cluster of 14" in text
+    assert "h = 6 R at 0.3. Runs with small groups: none. Runs that order: none. At the end of their path" in text
+    assert "have mean clusters of 14 to 14 balls (where contacts run" in text
 
 
 def test_the_force_of_touching_balls_vanishes_where_a_parabola_says() -> None:

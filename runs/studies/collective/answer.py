@@ -21,6 +21,12 @@ NETWORK = 0.5
 GROWING = (2.0, 0.5)
 """Range of the growth law: mean cluster size from this number of balls to this share of the largest one at the end."""
 
+WAVES = {
+    "gathers": "on layers that gather", "small groups": "where small groups form", "orders": "on layers that order",
+    "stays": "on layers that stay as they are",
+}  # fmt: skip
+"""Words for the growth rates of waves, by the outcome of the run."""
+
 
 @dataclass(frozen=True)
 class Growth:
@@ -94,7 +100,7 @@ def text(
     wanted, waves = cases.cases(quick), list(_waves(free, laws))
     return render(
         __file__, free=len(free), still=sum(done.outcome == "stays" for done in free),
-        attract=min((h for h, law in laws.items() if law.ratio[0] > 0.0), default=np.nan),
+        attract=min((h for h, law in laws.items() if law.ratio[0] > 0.0), default=None),
         soft=min((h for h, law in laws.items() if law.softens), default=np.nan),
         part=max((h for h, law in laws.items() if not law.softens), default=np.nan),
         weaker={h: law for h, law in laws.items() if law.softens and law.ratio[0] <= 0.0},
@@ -108,7 +114,11 @@ def text(
         vanishing=boundary.vanishing(touching), touching=touching, approach=cases.APPROACH,
         rows=list(_starts(found)),
         pairs=_pairs(laws), waves=waves,
-        rates={name: _ends(w["rate per path"] for w in waves if w["outcome"] == name) for name in pictures.COLORS},
+        rates={
+            words: ends
+            for name, words in WAVES.items()
+            if (ends := _ends(w["rate per path"] for w in waves if w["outcome"] == name))
+        },
         growth=list(_growth(free)),
         missing=[case.name for case in wanted if case not in [done.case for done in ended]], wanted=len(wanted),
         begun=[done for done in (*found, *deep) if done not in ended],
@@ -116,9 +126,10 @@ def text(
     )  # fmt: skip
 
 
-def _ends(values: Iterable[float]) -> tuple[float, float]:
+def _ends(values: Iterable[float]) -> tuple[float, ...]:
+    """Return the smallest and the largest value; nothing without values."""
     known = list(values)
-    return min(known, default=np.nan), max(known, default=np.nan)
+    return (min(known), max(known)) if known else ()
 
 
 def _scenes(found: Sequence[Finished], outcome: str) -> str:
