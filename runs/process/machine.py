@@ -23,6 +23,14 @@ def memory_bytes() -> float:
     return min(sizes)
 
 
+def own_memory(key: str) -> float:
+    """Return a memory [bytes] of this process from Linux's /proc: VmRSS, or VmHWM, the largest; NaN without /proc."""
+    file = Path("/proc/self/status")
+    lines = file.read_text(encoding="ascii").splitlines() if file.exists() else []
+    found = [line.split() for line in lines if line.startswith(f"{key}:")]
+    return 1024.0 * float(found[0][1]) if found else float("nan")
+
+
 @cache
 def slowness() -> float:
     """Return the time of computations on this machine over that on the reference machine of the plans' constants.

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from linear_bem import Ball, LayeredKernel, Load, Problem, solve
+from runs.process.machine import own_memory
 from runs.studies.framework.case import LINEAR
 from runs.studies.framework.pair import PAPER_LOAD, as_seen_by, pair
 
@@ -82,5 +83,7 @@ def _measured(count: int) -> dict[str, Any]:
 
 
 def _peak() -> float:
-    unit = 2.0**30 if sys.platform == "darwin" else 2.0**20
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
+    if sys.platform == "darwin":
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2.0**30
+    # on Linux ru_maxrss of a process starts at the size of the process that started it
+    return own_memory("VmHWM") / 2.0**30

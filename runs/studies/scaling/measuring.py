@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from linear_bem import Elements
+from runs.process.machine import own_memory
 from runs.studies.framework.pair import pair
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def measure(form: str, target: int, state: Snapshot, comm: MPI.Comm) -> Iterator
     All solve the same system: the tangent at ``state``.
     """
     forget_peak()
-    before = _status("VmRSS")
+    before = own_memory("VmRSS")
     run = _run(form, target, comm)
     from finite_strain.geometry.estimates import penalties  # noqa: PLC0415  (imports DOLFINx, like all below)
 
@@ -109,7 +110,7 @@ def _solved_by(name: str, run: ModelRun, before: float) -> dict[str, Any]:
         ksp.setOperators(model.matrix)
         spent.append((assembled, _seconds(lambda: ksp.solve(b, x), comm)))
         iterations, failed = ksp.getIterationNumber(), failed + (ksp.getConvergedReason() < 0)
-    used = comm.allreduce(_status("VmHWM") - before)
+    used = comm.allreduce(own_memory("VmHWM") - before)
     for vector in (b, x):
         vector.destroy()
     solver.close()
@@ -143,10 +144,4 @@ def forget_peak() -> None:
 
 def peak_memory(comm: MPI.Comm) -> float:
     """Return the largest memory of this process so far, summed over ranks [bytes] (collective)."""
-    return float(comm.allreduce(_status("VmHWM")))
-
-
-def _status(key: str) -> float:
-    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-    found = [line.split() for line in lines if line.startswith(f"{key}:")]
-    return 1024.0 * float(found[0][1]) if found else float(np.nan)
+    return float(comm.allreduce(own_memory("VmHWM")))
