@@ -57,9 +57,11 @@ def prepare(sources: Path, run_tutorials: bool = True) -> None:
     live.write_text(widget.with_errors(live.read_text(encoding="utf-8")), encoding="utf-8")
     (sources / "live_widget.html").write_text(widget.html(), encoding="utf-8")
     if run_tutorials:
+        work = sources.parent / "work"
+        shutil.rmtree(work, ignore_errors=True)  # its finished runs would be shown again, though the code has changed
         for tutorial in tutorials():
             copy = sources / "tutorials" / tutorial.name
-            text = Tutorial(tutorial, sources.parent / "work", copy.parent).run()
+            text = Tutorial(tutorial, work, copy.parent).run()
             copy.with_suffix(".ipynb").write_text(notebook(text), encoding="utf-8")
             copy.write_text(f"{text}\n{{download}}`This page as a notebook <{copy.stem}.ipynb>`\n", encoding="utf-8")
     originals = {sources / page: ROOT / name for name, page in ELSEWHERE.items()}

@@ -11,7 +11,7 @@ import pytest
 
 from linear_bem.law import LAWS
 from runs.cli import app
-from runs.handbook import command_reference, scene_reference
+from runs.handbook import build, command_reference, scene_reference
 from runs.handbook.build import study_table, with_one_title
 from runs.scene.messages import tables_of
 from runs.scene.scene_file import Tables, read_scene
@@ -125,6 +125,15 @@ def test_the_handbook_builds_without_a_warning(tmp_path: Path) -> None:
     assert "Problem" in (tmp_path / "html" / "api.html").read_text(encoding="utf-8")
     for page in PAGES.rglob("*.md"):
         assert (tmp_path / "html" / page.relative_to(PAGES)).with_suffix(".html").exists()
+
+
+def test_a_tutorial_finds_no_run_of_an_earlier_build(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("```sh\ncat run || echo none\necho earlier > run\n```\n\n```output\n```\n", encoding="utf-8")
+    monkeypatch.setattr(build, "tutorials", lambda: [page])
+    for _ in range(2):
+        build.prepare(tmp_path / "sources")
+        assert "```text\nnone\n```" in (tmp_path / "sources" / "tutorials" / "page.md").read_text(encoding="utf-8")
 
 
 def test_the_page_of_validation_has_every_study_with_its_published_answer() -> None:
