@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from runs.studies.collective import answer as collective
 from runs.studies.experiments import answer as experiments
 from runs.studies.figures import answer as figures
 from runs.studies.figures import map_lengths, modulus
+from runs.studies.figures import part as parts
 from runs.studies.framework.template import render
 from runs.studies.peers import answer as peers
 from tests.launch import thirdbody
@@ -167,6 +169,16 @@ def test_finished_parts_are_not_computed_again(
     full = thirdbody("study", "figures", "--out", folder)
     assert full.returncode == 2
     assert "quick is True there and False here" in full.stderr
+
+
+def test_a_finished_part_is_that_of_the_present_scene(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    one = figures.PARTS[0]
+    parts.save(tmp_path, one, True, parts.Findings({}, {}), 0.0)
+    assert parts.saved(tmp_path, one, quick=True) is not None
+    text = parts.scene().text.replace("force = 2.66666e-3", "force = 0.02")
+    assert text != parts.scene().text
+    monkeypatch.setattr(parts, "scene", lambda: SimpleNamespace(text=text))
+    assert parts.saved(tmp_path, one, quick=True) is None
 
 
 def test_a_name_that_is_no_study_is_refused_with_the_list() -> None:

@@ -26,17 +26,20 @@ def rows(*points: tuple[float, float, float]) -> list[dict[str, Any]]:
     return [{"D": d, "Q": d**1.5, "a": math.sqrt(d), "S_Q": s, "S_Q_error": e} for d, s, e in points]
 
 
-def test_factors_follow_a_case_that_a_finer_mesh_has_answered_again(
+def test_factors_follow_a_case_that_is_answered_again_and_the_code_behind_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     case, *_ = cases(quick=True)
-    monkeypatch.setattr(ratios, "_rows", lambda _, steps: [{"T": steps[0]["balls"][0]["tangential_force"][0]}])
-    for pull in (1.0, 1.0, 2.0):
-        balls = [{"tangential_force": [pull, 0.0], "tangential_force_error": 0.1}]
-        found = Found((case,), {case.name: {"steps": [{"balls": balls}]}})
-        assert ratios.load_paths(found, tmp_path) == [(case, [{"T": pull}])]
-    monkeypatch.setattr(ratios, "_rows", lambda *_: pytest.fail("known already"))
-    assert ratios.load_paths(found, tmp_path) == [(case, [{"T": 2.0}])]
+    monkeypatch.setattr(ratios, "_rows", lambda _, steps: [{"of": steps}])
+    for pull, force, error in ((1.0, 1.0, 0.1), (1.0, 1.0, 0.1), (2.0, 1.0, 0.1), (2.0, 3.0, 0.1), (2.0, 3.0, 0.2)):
+        balls = [{"tangential_force": [pull, 0.0], "tangential_force_error": 0.1, "normal_force": force}]
+        steps = [{"balls": balls, "record": {"tangential_force_error_at_force": [error]}}]
+        found = Found((case,), {case.name: {"steps": steps}})
+        assert ratios.load_paths(found, tmp_path) == [(case, [{"of": steps}])]
+    monkeypatch.setattr(ratios, "_rows", lambda *_: [{"of": "other code"}])
+    assert ratios.load_paths(found, tmp_path) == [(case, [{"of": steps}])]
+    monkeypatch.setattr(ratios, "code_of", lambda *_: "another")
+    assert ratios.load_paths(found, tmp_path) == [(case, [{"of": "other code"}])]
 
 
 def test_every_case_has_a_name_of_its_own_and_a_curve_enough_small_loads_for_its_slope() -> None:

@@ -1,5 +1,6 @@
 """One part of the study: numbers computed once, saved in the output folder, and from there drawn and described."""
 
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import linear_bem
 from runs.process.files import read_json, write_csv, write_text
 from runs.process.json_values import to_json
+from runs.studies.figures.pair import scene
 from runs.studies.framework.case import code_of
 
 Columns = Mapping[str, Sequence[float] | np.ndarray]
@@ -36,7 +38,7 @@ class Part:
 
 
 def saved(folder: Path, part: Part, quick: bool) -> Findings | None:
-    """Return the saved results of an earlier run of the same code."""
+    """Return the saved results of an earlier run of the same code and scene."""
     document = read_json(folder / f"{part.stem}.json")
     if document is None or document.get("identity") != _identity(quick):
         return None
@@ -53,5 +55,6 @@ def save(folder: Path, part: Part, quick: bool, found: Findings, seconds: float)
 
 
 def _identity(quick: bool) -> dict[str, Any]:
-    """Return the version, with a digest of the code and scenes that produce the numbers."""
-    return {"quick": quick, "code": code_of(Path(linear_bem.__file__).parent, Path(__file__).parent)[:16]}
+    """Return the version, with digests of the code and the scene that produce the numbers."""
+    code = code_of(Path(linear_bem.__file__).parent, Path(__file__).parent)
+    return {"quick": quick, "code": code[:16], "scene": hashlib.sha256(scene().text.encode()).hexdigest()[:16]}
