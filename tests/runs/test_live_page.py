@@ -44,9 +44,9 @@ def test_the_live_table_meets_the_solver_within_the_error_that_it_states() -> No
 
 
 def test_the_live_table_covers_its_corners_too() -> None:
-    """Nearly incompressible, deep, touching: the largest errors at random points were exceeded by up to 3.4 times."""
+    """Nearly incompressible or foam, deep, touching: up to 3.4 times the largest errors at random points."""
     shipped = table.read()
-    for at in ((0.5, 1.15, 2.0, 0.5), (0.48, 0.5, 2.0, 0.22), (0.49, 0.7, 2.1, 0.3)):
+    for at in ((0.5, 1.15, 2.0, 0.5), (0.48, 0.5, 2.0, 0.22), (0.49, 0.7, 2.1, 0.3), (0.38, 1.1365, 2.01, 0.5)):
         assert np.all(table.difference(shipped, at)[:2] <= shipped.data["error_of_kind"][table.kind(*at)])
 
 

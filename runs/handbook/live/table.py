@@ -46,7 +46,7 @@ REACH = Axis("distance over thickness", 0.15, 16.0, "log", 40)
 AROUND = Axis("distance from the contact", 0.0, 8.0, "sqrt", 16)
 RANDOM_POINTS, SEED = 240, 20211
 CHECKED = {
-    "poisson": (0.0, 0.3, 0.44, 0.45, 0.5),
+    "poisson": (0.0, 0.15, 0.3, 0.38, 0.44, 0.45, 0.5),
     "thickness": (0.5, 0.52, 0.7, 1.13, 1.137, 1.16, 1.4, 2.2, 5.0, 12.0),
     "distance": (2.0, 2.05, 2.19, 2.2, 4.0, 8.0),
     "share": (1.0, 0.51, 0.5, 0.2, 0.02),
