@@ -10,11 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from linear_bem.errors import OutputUnusable
 from runs import studies
 from runs.evolution.hard_balls import HardBalls
+from runs.process.files import write_csv
+from runs.session.session import Session
 from runs.studies.collective import answer, boundary, cases
 from runs.studies.collective.cases import Case
 
+SOLVED = ("converged", "iterations", "seconds")
 CASES = [Case(2.0, 0.3, 101, 1), Case(0.8, 0.3, 101, 1)]
 
 
@@ -86,6 +90,36 @@ def test_a_run_with_resistance_has_a_scene_of_its_own() -> None:
     assert held.name == f"{free.name}-rolling0.2"
     assert "[rolling_resistance]\nshare = 0.0008" in cases.scene_text(held, law)
     assert "rolling" not in cases.scene_text(free, law)
+
+
+def test_a_run_under_other_settings_is_neither_shown_nor_continued_and_fresh_replaces_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    case, law, used = Case(6.0, 0.3, 20, 1), cases.PairLaw(np.array([1.0]), 0.01, ()), []
+
+    class Evolving:
+        def __init__(self, session: Session, tables: Path) -> None:
+            self.folder = session.folder
+            used.append(session.scene.reciprocation.rest)
+
+        def complete(self, *, pictures: bool) -> None:
+            row = dict.fromkeys(("cycle", "cluster_mean", "coordination", "nearest_distance_mean"), 1.0)
+            write_csv(self.folder.path / "structure.csv", [row | {"hexatic_local": 0.0}])
+            self.folder.save({"rest": {"at_rest": False}, "solved": dict.fromkeys(SOLVED, 1.0)}, [])
+
+    monkeypatch.setattr(cases, "pair_law", lambda *_: law)
+    monkeypatch.setattr(cases, "Evolution", Evolving)
+    cases.evolve(case, tmp_path)
+    law = dataclasses.replace(law, largest=law.largest * (1.0 + 1e-12))
+    cases.evolve(case, tmp_path)
+    assert cases.read(case, tmp_path) is not None
+    monkeypatch.setattr(cases, "REST", 0.05)
+    assert cases.read(case, tmp_path) is None
+    with pytest.raises(OutputUnusable, match="holds another run"):
+        cases.evolve(case, tmp_path)
+    cases.evolve(case, tmp_path, fresh=True)
+    assert used == pytest.approx([5e-5, 5e-5, 5e-4])
+    assert cases.read(case, tmp_path) is not None
 
 
 def test_layers_gather_where_separation_weakens_towards_contact() -> None:

@@ -1,7 +1,9 @@
 """The runs of the study: randomly placed balls in a periodic cell on layers of several thicknesses, R = 1 and E = 1."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +44,9 @@ ORDERED = 0.15
 """Growth of the mean |psi_6| from which a layer that has not gathered counts as ordered."""
 DISTANCES = np.linspace(2.0, 24.0, 221)
 """Distances over R at which the pair law is computed."""
+
+
+NUMBER = re.compile(r"-?\d+\.\d+(?:e-?\d+)?")
 
 
 @dataclass(frozen=True)
@@ -136,10 +141,15 @@ def pair_law(thickness: float, approach: float = APPROACH, *, finite: bool = Fal
 
 def random_start(case: Case) -> Array:
     """Return positions (balls, 2) over R by random sequential addition: each ball at random where it overlaps none."""
-    draw, side = np.random.default_rng(case.seed), case.length
-    x = np.zeros((case.count, 2))
+    return _placed(case.count, case.length, case.seed)
+
+
+@cache
+def _placed(count: int, side: float, seed: int) -> Array:
+    draw = np.random.default_rng(seed)
+    x = np.zeros((count, 2))
     placed = 0
-    while placed < case.count:
+    while placed < count:
         place = draw.uniform(0.0, side, 2)
         between = x[:placed] - place
         between -= side * np.round(between / side)
@@ -181,11 +191,19 @@ lengths = [{case.length!r}, {case.length!r}]
 """
 
 
+def _is_scene(file: Path, text: str) -> bool:
+    """Return whether a file holds this scene, to six digits: a table of pairs that is made again changes the last."""
+    saved = file.read_text(encoding="utf-8") if file.exists() else ""
+    one, other = (NUMBER.sub(lambda found: f"{float(found[0]):.6g}", each) for each in (saved, text))
+    return one == other
+
+
 def evolve(case: Case, folder: Path, *, fresh: bool = False) -> None:
-    """Complete a run; resumable."""
+    """Complete a run; resumable. A run under other settings is refused, or replaced if ``fresh``."""
     file = folder / f"{case.name}.toml"
-    if not file.exists():
-        write_text(file, scene_text(case, pair_law(case.thickness, case.approach)))
+    text = scene_text(case, pair_law(case.thickness, case.approach))
+    if not _is_scene(file, text):
+        write_text(file, text)
     with open_session(
         read_scene(file), FINITE if case.finite else MODEL, Options(False, folder / case.name, fresh)
     ) as session:
@@ -212,9 +230,10 @@ class Finished:
 
 
 def read(case: Case, folder: Path) -> Finished | None:
-    """Return a run, complete or not; None if it has not begun."""
+    """Return a run, complete or not; None if it has not begun under the present settings."""
     document = read_json(folder / case.name / "result.json")
-    if document is None:
+    text = scene_text(case, pair_law(case.thickness, case.approach)) if document else ""
+    if document is None or not _is_scene(folder / case.name / "scene.toml", text):
         return None
     rows = read_csv(folder / case.name / "structure.csv", float)
     first, last, solved = rows[0], rows[-1], document["solved"]
