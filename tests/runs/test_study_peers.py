@@ -10,6 +10,7 @@ import pytest
 
 from runs.scene.scene_file import read_scene
 from runs.studies import Options, run_study
+from runs.studies.peers import answer
 from runs.studies.peers.answer import REFERENCE
 from runs.studies.peers.energies import energy
 from runs.studies.peers.scene import LAME, SHEAR, lines, weight_slope
@@ -28,6 +29,28 @@ def test_answers_that_are_there_make_the_table_and_errors_are_those_against_the_
     assert "| 0.1 | NGSolve 6 | order 3 | 20 | 3 |" in capsys.readouterr().out
     row = (tmp_path / "peers.csv").read_text(encoding="utf-8").splitlines()[1].split(",")
     assert [float(cell) for cell in row[-2:]] == pytest.approx([0.02, 0.01])
+
+
+def test_a_case_that_fails_or_has_changed_is_named_below_the_table_and_its_old_answer_is_not_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    normal, tangential = REFERENCE[0.1]
+    found = {"code": "NGSolve", "version": "6", "approach": 0.1, "discretisation": "order 2", "unknowns": 20,
+             "seconds": 3.4, "normal_force": normal, "tangential_force": tangential}  # fmt: skip
+    file, arguments = tmp_path / "ngsolve-2x1-0.1.json", ["ngsolve", "0.1", "2x1"]
+    file.write_text(json.dumps(found | {"key": answer._key(arguments)}), encoding="utf-8")
+    text = answer.page(tmp_path, quick=True)
+    assert "| NGSolve 6 |" in text
+    assert "9 of 10 cases have no answer:\n\n- thirdbody-0.1-0.1: not run\n" in text
+    file.write_text(json.dumps(found | {"key": "an earlier scene"}), encoding="utf-8")
+    assert "- ngsolve-2x1-0.1: not run" in answer.page(tmp_path, quick=True)
+    file.write_text(json.dumps(found), encoding="utf-8")
+    monkeypatch.setattr(answer, "_solve", lambda _, file: f"{file.stem}: failed: Newton's method")
+    answer.compute(tmp_path, Options(quick=True, fresh=True))
+    text = answer.page(tmp_path, quick=True)
+    assert "10 of 10 cases have no answer" in text
+    assert "- ngsolve-2x1-0.1: failed: Newton's method" in text
+    assert "| NGSolve 6 |" not in text
 
 
 def test_the_energies_for_felupe_are_the_papers_in_any_frame() -> None:

@@ -1,14 +1,16 @@
 """Runs every code at every size, saves each answer as JSON, and tabulates the errors."""
 
+import hashlib
+import json
 import math
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from runs.process.files import read_json, write_csv
+from runs.process.files import read_json, write_csv, write_text
 from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.framework.study import Study, timed
@@ -26,8 +28,8 @@ CASES: dict[str, tuple[str, tuple[str, ...]]] = {
 """By code: its Python package, and the sizes that are run."""
 REFERENCE = {0.1: (0.0771335, 9.6459e-5), 0.32: (0.600895, 5.1238e-3)}
 """Q and T by approach, from NGSolve with elements of orders 4 and 5; relative error of T: 2e-4 to 5e-4."""
-
-
+FAILED = ".failed"
+"""Suffix of the file that says why a case has no answer."""
 LAW_DEPTH, LAW_CASES = 0.32, (("thirdbody", "0.005"), ("felupe", SIZES[1]), ("felupe", SIZES[2]))
 """Approach over R at which laws are compared; codes and sizes that solve every law (FElupe: two orders)."""
 
@@ -46,16 +48,21 @@ def cases(folder: Path, quick: bool) -> Iterator[tuple[Path, list[str]]]:
 def compute(folder: Path, options: Options) -> None:
     """Run the cases without a saved answer, in this Python or those of the variable PEERS_PYTHON (a:b:c)."""
     for file, arguments in cases(folder, options.quick):
-        if options.fresh or not file.exists():
+        if options.fresh or _answer(file, arguments) is None:
+            file.unlink(missing_ok=True)
             with timed(file.stem):
-                print_status(_solve(arguments, file))
+                said = _solve(arguments, file)
+                print_status(said)
+            if not file.exists():
+                write_text(file.with_suffix(FAILED), said)
 
 
 def page(folder: Path, quick: bool) -> str:
-    """Write peers.csv and laws.csv; return their tables as Markdown."""
-    answers = (read_json(file) for file, arguments in cases(folder, quick) if len(arguments) == 3)
-    rows = sorted((_row(found) for found in answers if found), key=lambda row: (row["D"], row["error of T"]))
-    laws = list(_laws(folder))
+    """Write peers.csv and laws.csv; return their tables as Markdown, with the cases that have no answer."""
+    answers = {file: _answer(file, arguments) for file, arguments in cases(folder, quick)}
+    pairs = (found for file, found in answers.items() if found and not file.stem.endswith(tuple(LAW_BY_NAME)))
+    rows = sorted(map(_row, pairs), key=lambda row: (row["D"], row["error of T"]))
+    laws = list(_laws(folder, answers))
     write_csv(folder / "peers.csv", rows)
     write_csv(folder / "laws.csv", laws)
     errors = {"Q": "error of Q", "T": "error of T", "T, FElupe": "its change"}
@@ -66,6 +73,11 @@ def page(folder: Path, quick: bool) -> str:
     lines = markdown(rows)
     if laws:
         lines += ["", f"## Every law, D = {LAW_DEPTH:g} R", "", *markdown(shown)]
+    missing = [file for file, found in answers.items() if found is None]
+    if missing:
+        failed = [file.with_suffix(FAILED) for file in missing]
+        said = [each.read_text(encoding="utf-8") if each.exists() else f"{each.stem}: not run" for each in failed]
+        lines += ["", f"{len(missing)} of {len(answers)} cases have no answer:", "", *(f"- {each}" for each in said)]
     return "\n".join(lines)
 
 
@@ -73,14 +85,28 @@ def _law_file(folder: Path, law: str, code: str, size: str) -> Path:
     return folder / f"{code}-{size}-{LAW_DEPTH:g}-{law}.json"
 
 
-def _laws(folder: Path) -> Iterator[dict[str, Any]]:
+def _answer(file: Path, arguments: Sequence[str]) -> dict[str, Any] | None:
+    """Return the saved answer of a case; None if its law, scene or script has changed since (if the answer says so)."""
+    found = read_json(file)
+    return found if found is not None and found.get("key", _key(arguments)) == _key(arguments) else None
+
+
+def _key(arguments: Sequence[str]) -> str:
+    """Return a digest of what a case solves: its arguments and law, the scene, and the script of its code."""
+    digest = hashlib.sha256(repr((arguments, LAW_BY_NAME.get(arguments[-1]))).encode())
+    for name in ("scene.py", "energies.py", "pair.inp", "pair.toml", f"{arguments[0]}_pair.py"):
+        digest.update(Path(__file__).with_name(name).read_bytes())
+    return digest.hexdigest()[:20]
+
+
+def _laws(folder: Path, answers: Mapping[Path, Mapping[str, Any] | None]) -> Iterator[dict[str, Any]]:
     """Yield the answers of two codes for every law that both have solved.
 
     The error of FElupe is the change from order 3 to order 4; the deviation is the difference of T over the root
     of the sum of squares of both errors.
     """
     for law in LAW_BY_NAME:
-        ours, third, fourth = (read_json(_law_file(folder, law, *case)) for case in LAW_CASES)
+        ours, third, fourth = (answers.get(_law_file(folder, law, *case)) for case in LAW_CASES)
         if not (ours and third and fourth):
             continue
         T, theirs = ours["tangential_force"], fourth["tangential_force"]
@@ -112,7 +138,8 @@ def _solve(arguments: list[str], file: Path) -> str:
             if done.returncode:
                 *_, why = f"exit code {done.returncode}", *done.stderr.strip().splitlines()
                 return f"{file.stem}: failed: {why}"
-            file.write_text(done.stdout.splitlines()[-1] + "\n", encoding="utf-8")
+            found = json.loads(done.stdout.splitlines()[-1])
+            write_text(file, json.dumps(found | {"key": _key(arguments)}) + "\n")
             return f"{file.stem}: {done.stdout.splitlines()[-1]}"
     return f"{file.stem}: no Python has {package}"
 
