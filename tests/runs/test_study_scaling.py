@@ -31,10 +31,40 @@ def test_the_page_fits_powers_and_has_whole_runs_where_they_are(tmp_path: Path) 
     assert "iterations grow as n^0.15, the time of a first solve as n^1.00" in text
     assert "1e+07 unknowns: 22 iterations" in text
     assert "Whole runs" not in text
-    names = [*whole_runs.KEPT, "ranks", "processor_seconds", "gigabytes", "normal_force", "tangential_force", "error"]
+    names = [
+        *whole_runs.KEPT,
+        "target",
+        "ranks",
+        "processor_seconds",
+        "gigabytes",
+        "normal_force",
+        "tangential_force",
+        "error",
+    ]
     write_csv(out / "whole_600000.csv", [dict.fromkeys(names, 7.0)])
     studies.run_study("scaling", options)
     assert "Whole runs, two load steps" in (out / "answer.md").read_text(encoding="utf-8")
+
+
+def test_whole_runs_are_made_once_for_each_number_of_ranks(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    made = []
+
+    def run(target: int, comm: SimpleNamespace) -> list[dict[str, float]]:
+        made.append((target, comm.size))
+        return [{"target": target, "ranks": comm.size, "fraction": 1.0, "seconds": 9.0 / comm.size}]
+
+    monkeypatch.setattr(answer, "FORMS", ())
+    monkeypatch.setattr(answer, "fits", lambda *_: True)
+    monkeypatch.setattr(whole_runs, "run", run)
+    of_an_earlier_version = {"target": 500_000, "ranks": 2, "fraction": 1.0, "seconds": 8.0}
+    write_csv(tmp_path / "whole_500000.csv", [of_an_earlier_version])
+    for size, fresh in ((2, False), (4, False), (2, False), (2, True)):
+        monkeypatch.setattr(answer.ranks, "world", lambda size=size: SimpleNamespace(size=size, rank=0))
+        answer.compute(tmp_path, studies.Options(fresh=fresh))
+    assert made == [(1_050_000, 2), (500_000, 4), (1_050_000, 4), (500_000, 2), (1_050_000, 2)]
+    assert sorted((row["target"], row["ranks"], row["seconds"]) for row in answer.read_whole(tmp_path)) == [
+        (500_000, 2, 4.5), (500_000, 4, 2.25), (1_050_000, 2, 4.5), (1_050_000, 4, 2.25)
+    ]  # fmt: skip
 
 
 def test_what_does_not_fit_the_memory_is_left_out_with_its_size(

@@ -53,13 +53,13 @@ def compute(folder: Path, options: Options) -> None:
             if comm.rank == 0:
                 write_csv(file, rows)
     for target in () if options.quick or comm.size == 1 else LARGE:
-        saved = folder / f"whole_{target}.csv"
-        known = ranks.share(saved.exists() and not options.fresh)
+        same = [row for row in read_whole(folder) if (row["target"], row["ranks"]) == (target, comm.size)]
+        known = ranks.share(bool(same) and not options.fresh)
         if not known and fits(whole_runs.BYTES * target, f"a run of {grouped(target)} unknowns", comm):
             with timed(f"a run of {grouped(target)} unknowns"):
                 found = whole_runs.run(target, comm)
             if comm.rank == 0:
-                write_csv(saved, found)
+                write_csv(folder / f"whole_{target}_ranks_{comm.size}.csv", found)
 
 
 def fits(needed: float, what: str, comm: Any) -> bool:
@@ -90,12 +90,17 @@ def read(files: Sequence[Path]) -> list[dict[str, Any]]:
     return sorted(rows, key=lambda row: (row["form"], row["unknowns"], row["solver"], row["ranks"]))
 
 
+def read_whole(folder: Path) -> list[dict[str, float]]:
+    """Return the rows of whole runs; of two with equal size, ranks and load that of the file with its ranks counts."""
+    rows = [row for file in sorted(folder.glob("whole_*.csv")) for row in read_csv(file, float)]
+    return list({(row["target"], row["ranks"], row["fraction"]): row for row in rows}.values())
+
+
 def page(folder: Path, quick: bool) -> str:
     """Return the table for all numbers of ranks, and the exponents of the growth of multigrid's cost with the size."""
     rows = read(sorted(folder.glob("ranks_*.csv")))
-    whole = [row for file in sorted(folder.glob("whole_*.csv")) for row in read_csv(file, float)]
-    whole = [{**row, "unknowns": int(row["unknowns"])} for row in whole]
-    whole.sort(key=lambda row: (row["unknowns"], row["fraction"]))
+    whole = [{**row, "unknowns": int(row["unknowns"])} for row in read_whole(folder)]
+    whole.sort(key=lambda row: (row["unknowns"], row["ranks"], row["fraction"]))
     return render(__file__, rows=rows, whole=whole, fits=powers(rows))
 
 
