@@ -30,6 +30,9 @@ def test_every_case_has_models_that_exist_and_checks_that_are_cases() -> None:
         assert set(hard.checks) <= set(hard.models)
         for check in hard.checks.values():
             assert check.other in names
+    quick = {case.name: case.labels["words"] for case in cases(quick=True)}
+    assert "D = 0.022 R" in quick["usual-finite-strain"]
+    assert "first load step" in quick["restart-finite-strain"]
     for case in cases(quick=True):
         check = case.labels["check"]
         assert check is None or check["other"] in {other.name for other in cases(quick=True)}

@@ -61,6 +61,7 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[dict[str, 
     done = python("-c", ONE_LOAD, "study", "verification", "--quick", "--out", folder)
     assert done.returncode == 0, done.stderr
     assert "Not there" not in done.stdout
+    assert "L = 2.1 R, nu = 0.3)" in done.stdout
     assert (folder / "verification.png").stat().st_size > 20_000
     tables = {}
     for one in PARTS:

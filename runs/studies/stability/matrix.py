@@ -198,10 +198,13 @@ def cases(quick: bool) -> list[Case]:
         names = ("usual", "one-step", "restart", "deepest", "lifted")
         shallow = {h.name: pair(0.022) for h in chosen if h.name in ("usual", "one-step", "restart")}
         chosen = [
-            dataclasses.replace(h, problem=shallow.get(h.name, h.problem), stop_after=1 if h.stop_after else None)
+            dataclasses.replace(
+                h, problem=shallow.get(h.name, h.problem), stop_after=1 if h.stop_after else None,
+                words=h.words.replace("D = 0.1 R", "D = 0.022 R").replace("third", "first"),
+            )
             for h in chosen
             if h.name in names
-        ]
+        ]  # fmt: skip
     return [
         case_of(hard, model, QUICK_ACCURACY if quick else hard.accuracy or ACCURACY)
         for hard in chosen
