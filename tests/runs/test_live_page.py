@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import html
 import json
+import math
 import re
 import subprocess
 from itertools import chain, islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -48,6 +50,19 @@ def test_the_live_table_covers_its_corners_too() -> None:
     shipped = table.read()
     for at in ((0.5, 1.15, 2.0, 0.5), (0.48, 0.5, 2.0, 0.22), (0.49, 0.7, 2.1, 0.3), (0.38, 1.1365, 2.01, 0.5)):
         assert np.all(table.difference(shipped, at)[:2] <= shipped.data["error_of_kind"][table.kind(*at)])
+
+
+def test_saved_parts_of_the_table_are_those_of_its_axes(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(table, "CACHE", tmp_path)
+    monkeypatch.setattr(table, "AROUND", Axis("distance from the contact", 0.0, 8.0, "sqrt", 2))
+    for farthest in (8.0, 20.0):
+        monkeypatch.setattr(table, "DISTANCE", Axis("distance", 2.0, farthest, "log", 1))
+        found = table._of_depth(0.3, 2.0, 0.1)
+        assert table._of_depth(0.3, 2.0, 0.1) == found
+        normal = (
+            solve_contact(table.pair(0.3, 2.0, math.sqrt(2.0 * farthest), 0.05), 1e-3).result().balls[0].normal_force
+        )
+        assert found["normal"] == pytest.approx([math.log(normal / table.hertz_force(0.3, 0.05))], abs=2e-4)
 
 
 def test_the_factors_of_the_live_page_are_the_published_ones() -> None:

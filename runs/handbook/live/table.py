@@ -15,6 +15,7 @@ D is tabulated as a fraction of the largest approach, the smaller of 0.5 R and 0
 `MARGIN` times the largest difference among points of the same kind, see `kind`.
 """
 
+import hashlib
 import json
 import math
 import sys
@@ -28,8 +29,10 @@ from typing import Any
 
 import numpy as np
 
+import linear_bem
 from linear_bem import Ball, ContactSequence, Layer, LayeredKernel, Load, Problem, solve_contact
 from runs.handbook.live.chebyshev import Array, Axis, interpolate
+from runs.studies.framework.case import code_of
 
 FILE = Path(__file__).with_name("table.json")
 CACHE = Path("out/live-table")
@@ -234,7 +237,9 @@ def _patch(thicknesses: Axis) -> dict[str, Any]:
 def _of_depth(poisson: float, thickness: float, share: float) -> dict[str, Any]:
     """Return the values over the distance, and those of one ball alone, from `CACHE` if they are there."""
     approach = share * deepest(thickness)
-    file = CACHE / f"{poisson:.12f}-{thickness:.12f}-{approach:.12f}-{DISTANCE.count}-{AROUND.count}.json"
+    settings = (DISTANCE, AROUND, SEQUENCE_ACCURACY, CHECK_ACCURACY, code_of(Path(linear_bem.__file__).parent))
+    digest = hashlib.sha256(repr(settings).encode()).hexdigest()[:12]
+    file = CACHE / f"{poisson:.12f}-{thickness:.12f}-{approach:.12f}-{digest}.json"
     if file.exists():
         return dict(json.loads(file.read_text()))
     sequence, normal, remainder = ContactSequence(SEQUENCE_ACCURACY), [], []
