@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -32,8 +33,14 @@ STIFFENING = 5.0
 """Factor on the penalty when multipliers are added."""
 _FARTHEST = 1e3
 """Limit of the search for a profile's width, in approaches plus apex radii."""
+_FARTHER = 1.1
+"""Factor between the distances from the axis at which a body is compared with its approach."""
 _ROUNDS = 4
 """Fixed-point iterations between approach and radius for a prescribed force."""
+_AROUND = np.exp(2j * np.pi * np.arange(128) / 128)
+"""Directions about an axis, as complex numbers of length one."""
+_LONG = 1e-6
+"""Relative change of a body's height about its axis up to which it counts as round."""
 
 
 @lru_cache(maxsize=4096)
@@ -41,22 +48,55 @@ def radius_seen(shape: str | Indenter, radius: float, approach: float) -> float:
     """Return the radius [m] of the paraboloid with the same section by the undeformed surface at an approach [m]."""
     indenter, unit = (NAMED[shape], radius) if isinstance(shape, str) else (shape, 1.0)
     depth = approach / unit
-    end = min(indenter.reach, _FARTHEST * (depth + indenter.apex_radius))
-    cuts = []
-    for x, y in ((1.0, 0.0), (0.0, 1.0)):
+    end = _end(indenter, depth)
 
-        def above(r: float, x: float = x, y: float = y) -> float:
-            height = indenter.height(r * x, r * y)
+    def cut(way: complex) -> float:
+        """Return the distance of the section's edge from the axis in a direction."""
+
+        def above(r: float) -> float:
+            height = indenter.height(r * way.real, r * way.imag)
             if isinstance(height, complex) or math.isnan(height):
                 raise InvalidProblem(
                     f"balls.shape: {type(indenter).__name__}.height must be a real number wherever the layer may "
-                    f"touch, got {height} at (x, y) = ({r * x:.3g}, {r * y:.3g}) m; a body that ends before needs the "
-                    "property reach"
+                    f"touch, got {height} at (x, y) = ({r * way.real:.3g}, {r * way.imag:.3g}) m; a body that ends "
+                    "before needs the property reach"
                 )
             return float(height) - depth
 
-        cuts.append(brentq(above, 0.0, end) if above(end) > 0.0 else end)
+        return float(brentq(above, 0.0, end)) if above(end) > 0.0 else end
+
+    cuts = cut(1.0), cut(1j)
+    if not isinstance(shape, str):
+        heights = _heights_around(indenter, max(cuts))
+        longer = -np.mean(heights * _AROUND**2)
+        if abs(longer) > _LONG * np.mean(heights):  # not along x and y, but along the body and across
+            along = cmath.sqrt(longer / abs(longer))
+            cuts = cut(along), cut(1j * along)
     return unit * cuts[0] * cuts[1] / (2.0 * depth)
+
+
+def _heights_around(indenter: Indenter, r: float) -> np.ndarray:
+    """Return the heights [m] of a body at a distance [m] from its axis in all directions."""
+    with np.errstate(all="ignore"):  # of a body that has no height there, which `radius_seen` refuses
+        return np.broadcast_to(indenter.height(r * _AROUND.real, r * _AROUND.imag), _AROUND.shape)
+
+
+def reach_of(indenter: Indenter, approach: float, least: float) -> float:
+    """Return a distance [m] from the axis, about ``least`` or more, beyond which a body touches nowhere.
+
+    ``least`` holds for round bodies; a long one may be lower than its ``approach`` [m] farther out.
+    """
+    r, end = least, _end(indenter, approach)
+    while r < end:
+        heights = _heights_around(indenter, r)
+        if not np.min(heights) < min(approach, (1.0 - _LONG) * np.max(heights)):
+            break
+        r *= _FARTHER
+    return min(r, indenter.reach)
+
+
+def _end(indenter: Indenter, depth: float) -> float:
+    return min(indenter.reach, _FARTHEST * (depth + indenter.apex_radius))
 
 
 def alone(

@@ -7,13 +7,14 @@ from itertools import combinations
 
 import numpy as np
 
-from finite_strain.geometry.estimates import known_shape
+from finite_strain.geometry.estimates import known_shape, reach_of
 from finite_strain.geometry.load_control import prescribed
+from linear_bem.closed_forms import Indentation
 from linear_bem.indenter import Indenter
 from linear_bem.problem import Ball, Problem
 
 WIDEST = 2.0
-"""Largest distance from the axis at which a body without an edge may touch, over its radius or contact radius."""
+"""Largest distance from the axis at which a round body without an edge may touch, over its radius or contact radius."""
 _SAME = 1e-9
 """Relative tolerance within which positions and values count as mirror images."""
 _SAMPLES, _GOLDEN = np.arange(200), math.pi * (3.0 - math.sqrt(5.0))
@@ -109,7 +110,7 @@ def reduce_scene(problem: Problem, planes: tuple[int, ...] | None = None) -> Red
     """
     load, positions = prescribed(problem), problem.positions
     values, expected = load.values, load.expected()
-    reaches = [_reach(ball, e.contact_radius) for ball, e in zip(problem.balls, expected, strict=True)]
+    reaches = [_reach(ball, state) for ball, state in zip(problem.balls, expected, strict=True)]
     if planes is not None:
         there = tuple(axis for axis in planes if _is_mirror(problem, values, reaches, positions, axis, 0.0))
         return _cut(problem, reaches, 0.0, np.zeros(2), there, positions)
@@ -181,8 +182,8 @@ def _cut(
     return Reduction((float(origin[0]), float(origin[1])), angle, planes, tuple(balls), tuple(images))
 
 
-def _reach(ball: Ball, contact_radius: float) -> float:
+def _reach(ball: Ball, alone: Indentation) -> float:
     if ball.shape == "sphere":
         return ball.radius
-    edge = ball.shape.reach if isinstance(ball.shape, Indenter) else math.inf
-    return min(edge, WIDEST * max(ball.radius, contact_radius))
+    reach = WIDEST * max(ball.radius, alone.contact_radius)
+    return reach_of(ball.shape, alone.approach, reach) if isinstance(ball.shape, Indenter) else reach

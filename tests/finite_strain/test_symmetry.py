@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from finite_strain.geometry.estimates import with_expressions
+from finite_strain.geometry.load_control import prescribed
 from finite_strain.geometry.symmetry import reduce_scene
-from linear_bem import Ball, Cone, Ellipsoid, Indenter, Load, Problem, Punch
+from linear_bem import Ball, Cone, Elastic, Ellipsoid, Indenter, Load, Problem, Punch
+from linear_bem.problem import Profile
 from tests.finite_strain.scenes import balls_at, on_layer, pair
 
 ROUNDOFF = 1e-12
@@ -113,6 +116,29 @@ def test_a_plane_mirrors_whole_bodies_not_only_what_is_near_their_apex(body: Ind
     assert reduce_scene(scene(balls, Load("approach", (0.5, 0.5)))).planes == planes
     is_round = isinstance(body, Cone | Punch)
     assert reduce_scene(scene(turned(balls, 0.3))).planes == ((0, 1) if is_round else ())
+
+
+def roller(angle: float) -> Profile:
+    """Return a cylinder of radius 0.25 m that ends 3 m from its middle, turned by an angle."""
+    c, s = math.cos(angle), math.sin(angle)
+    return lambda x, y: ((c * x + s * y) / 4.0) ** 8 + (c * y - s * x) ** 2 / 0.5
+
+
+def test_a_long_body_may_touch_up_to_its_ends_and_is_expected_to_touch_alike_in_all_directions() -> None:
+    half_length, radii = 4.0 * 0.08 ** (1.0 / 8.0), []
+    for angle in (0.0, 0.3, math.pi / 4.0, math.pi / 2.0):
+        problem = with_expressions(scene((Ball((0.0, 0.0), 0.25, roller(angle)),), Load("approach", (0.08,))))
+        assert 1.0 <= reduce_scene(problem).balls[0].reach / half_length < 1.2
+        radii.append(prescribed(problem).expected()[0].contact_radius)
+    assert radii == pytest.approx([radii[0]] * 4, rel=1e-9)
+    thin = scene(balls_at((0.0, 0.0), shape=Ellipsoid((3.0, 0.15, 1.5))), Load("approach", (0.4,)))
+    assert reduce_scene(thin).balls[0].reach > 3.0 * math.sqrt(1.0 - (1.0 - 0.4 / 1.5) ** 2)
+
+
+def test_a_round_body_may_touch_up_to_twice_its_expected_contact_on_a_soft_base_too() -> None:
+    cone = balls_at((0.0, 0.0), shape=Cone(math.radians(20.0), 0.1))
+    problem = on_layer(cone, Load("approach", (0.5,)), substrate=Elastic(0.05, 0.3))
+    assert reduce_scene(problem).balls[0].reach == 2.0 * prescribed(problem).expected()[0].contact_radius
 
 
 def test_one_total_force_on_a_pair_keeps_both_planes() -> None:
