@@ -38,6 +38,8 @@ CANDIDATES = 2
 """Balls of one kind that one facet may touch."""
 REACH = 1.5
 """Horizontal distance of a facet from a ball's axis, over the ball's reach, up to which it may touch (undeformed)."""
+_NONE = 1e300
+"""Height [m] that stands for none, in the order of a facet's candidates."""
 
 
 def positive(value: Any) -> Any:
@@ -120,8 +122,14 @@ class Contact:
             numbers = np.array([n for n, ball in enumerate(self.balls) if ball.shape == kind])
             centres = np.array([self.balls[n].position for n in numbers])
             radii = np.array([self.balls[n].radius for n in numbers])
-            distances = np.linalg.norm(corners[:, None, :, :2] - centres[None, :, None], axis=-1)
-            heights = distances.mean(axis=2) ** 2 / (2.0 * radii)
+            away = corners[:, None, :, :2] - centres[None, :, None]
+            distances = np.linalg.norm(away, axis=-1)
+            if isinstance(kind, str):
+                heights = distances.mean(axis=2) ** 2 / (2.0 * radii)
+            else:  # a long body is low far from its axis
+                x, y, _ = _turned((away[..., 0], away[..., 1], 0.0), self.angle)
+                with np.errstate(all="ignore"):  # of a body that has no height there
+                    heights = np.nan_to_num(kind.height(x, y), nan=_NONE, posinf=_NONE).mean(axis=2)
             heights[distances.min(axis=2) > REACH * np.array([self.balls[n].reach for n in numbers])] = np.inf
             order = np.argsort(heights, axis=1)
             for rank in range(min(CANDIDATES, len(numbers))):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,9 +11,11 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
+from finite_strain.compat import geometry_dofs
 from finite_strain.force.contact_extremes import Extremes
-from linear_bem import Ball, Load
-from tests.finite_strain.scenes import coarse_plan, coarse_rig, on_layer, pair, relatively
+from finite_strain.geometry.extent import Extent
+from linear_bem import Ball, Ellipsoid, Load
+from tests.finite_strain.scenes import balls_at, coarse_plan, coarse_rig, on_layer, pair, relatively
 
 if TYPE_CHECKING:
     from finite_strain.contact.contact_energy import Contact
@@ -234,3 +237,15 @@ def test_contact_forces_of_two_balls_on_a_fixed_surface_are_independent(
     pressed, lifted = Extremes(model)()
     assert pressed[1] == relatively(0.5, 1e-8)
     assert (lifted == 0.0).all()
+
+
+def test_the_facets_under_a_long_body_may_touch_it_where_the_axes_of_others_are_nearer(tmp_path: Path) -> None:
+    laid = balls_at((0.0, 0.0), (1.4, 0.7), (1.4, -0.72), shape=Ellipsoid((2.0, 0.3, 0.3)))
+    problem = on_layer(laid, Load("approach", (0.12, -0.05, -0.05)))
+    plan = coarse_plan(problem, "small_strain", extent=Extent(0.5, 0.0))
+    contact = coarse_rig(plan, tmp_path).model.contact
+    x, y = contact.mesh.geometry.x[geometry_dofs(contact.mesh)[contact.cells, :8], :2].mean(axis=1).T
+    x, y = x - contact.balls[0].position[0], y - contact.balls[0].position[1]
+    under = contact.cells[(x / 1.6) ** 2 + (y / 0.24) ** 2 < 1.0]
+    assert len(under) > 20
+    assert np.any([slot.balls[under] == 0 for slot in contact.slots], axis=0).all()
