@@ -44,6 +44,11 @@ def felt(contacts: Contacts) -> Array:
     return layer_pulls(contacts.kernel, *_with_images(contacts), reach)[: contacts.problem.size]
 
 
+def size_of_errors(contacts: Contacts) -> Array:
+    """Return the change of T [N] on every ball per relative change of pressures: `pulls`, on a softer base `felt`."""
+    return felt(contacts) if contacts.kernel.far_ratio > 1.0 else pulls(contacts)
+
+
 def _with_images(contacts: Contacts) -> tuple[Array, Array]:
     """Return positions [m] and forces [N] of all balls and, in a periodic cell, of their neighbouring images."""
     positions, forces = contacts.problem.positions, contacts.normal_forces
@@ -90,20 +95,22 @@ def route_difference(contacts: Contacts) -> Array:
 
 def error_of_one(contacts: SmoothContacts) -> Array:
     """Estimate the error of T [N] on every ball from one solution: its residual, and its T by two formulas."""
-    residual = max(contacts.gap_in_contact, float(np.max(_light_shares(contacts)))) * pulls(contacts)
+    residual = max(contacts.gap_in_contact, float(np.max(_light_shares(contacts)))) * size_of_errors(contacts)
     return np.maximum(np.maximum(3.0 * route_difference(contacts), residual), least_error(contacts))
 
 
 def _light_shares(contacts: SmoothContacts) -> Array:
     """Return the relative error of every force by the gap over the ball's own depth, 0 outside the `sample`.
 
-    The own depth is that into a half-space of the layer's material by Hertz, or more on a softer base: in the dent of
-    other balls it is much smaller than the approach. Six bodies in a dent had errors up to 0.04 times this ratio.
+    The own depth is that into a half-space of the layer's material by Hertz: in the dent of other balls it is much
+    smaller than the approach. Six bodies in a dent had errors up to 0.04 times this ratio. The dent of a softer base is
+    common to all balls, and so is its error: there the largest gap counts.
     """
     shares, touching = np.zeros(contacts.problem.size), [contacts.touching[k] for k in contacts.sample]
     radius = np.sqrt(contacts.contact_areas[touching] / math.pi)
     own = 0.75 * math.pi * contacts.kernel.singular * contacts.normal_forces[touching] / radius
-    shares[touching] = LIGHT * contacts.gaps_in_contact / (own * max(1.0, contacts.kernel.far_ratio))
+    gaps = contacts.gaps_in_contact
+    shares[touching] = LIGHT * (np.max(gaps) if contacts.kernel.far_ratio > 1.0 else gaps) / own
     return shares
 
 

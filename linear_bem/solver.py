@@ -20,10 +20,10 @@ from linear_bem.error_estimate import (
     errors_of_one,
     least_error,
     missed_pulls,
-    pulls,
     quantities,
     reference_force,
     route_difference,
+    size_of_errors,
     small_force_note,
     unreached,
 )
@@ -244,7 +244,7 @@ def _by_polynomials(guess: Start, wanted: float, report: Report) -> Estimated | 
             error, settled = change(before, after)
             error = np.maximum(error, route_difference(after))
             if after.smooth.residual > (precision if many else 0.0):
-                error = error + 3.0 * after.smooth.residual * pulls(after)
+                error = error + 3.0 * after.smooth.residual * size_of_errors(after)
             errors = errors_by_change(before, after)
             found = _Refined(after, error, errors, float(np.max(error)) / reference_force(after), settled)
             if found.excess(wanted) <= 1.0 and is_certified(after):

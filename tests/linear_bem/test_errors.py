@@ -139,6 +139,19 @@ def test_the_peak_at_the_edge_of_a_stiff_film_is_covered_by_coarse_cells_too():
     assert edge_peak(levels[1]) > 0.02
 
 
+def test_errors_of_unlike_balls_on_a_base_softer_than_the_layer_are_covered():
+    """The base's dent is common to the balls, and T is far larger than on a half-space of the layer's material."""
+    three = ((0.6, (0.0, 0.0)), (0.43, (1.5, 0.0)), (0.7, (-0.5, 2.1)))
+    dented = ((0.6, (0.0, 0.0)), (0.5, (1.3, 0.0)), (0.7, (3.2, 0.0)))  # the second ball has a tenth of the force
+    for scene, young in ((three, 1e-3), (dented, 3e-3)):
+        balls = tuple(Ball(at, radius) for radius, at in scene)
+        problem = Problem(Layer(1.0, 0.3, 0.77), balls, Load("total_force", (0.08,)), Elastic(young, 0.5))
+        for ball, known in zip(solve(problem, 1e-2).balls, solve(problem, 1e-4).balls, strict=True):
+            assert abs(ball.normal_force - known.normal_force) <= ball.errors["normal_force"] < 0.02 * ball.normal_force
+            off = np.hypot(*np.subtract(ball.tangential_force, known.tangential_force))
+            assert off <= ball.tangential_force_error < 0.02 * np.hypot(*ball.tangential_force)
+
+
 def test_a_ball_far_above_the_layer_changes_neither_residuals_nor_errors():
     balls = (Ball((-1.2, 0.0), 1.0), Ball((1.5, 0.3), 1.0), Ball((0.0, 40.0), 1.0))
     two, three = (
