@@ -107,7 +107,8 @@ def estimates(
     pressed = values > 0.0
     v = np.where(pressed, values, 1.0)
     response = response_of(layer, substrate)
-    h = np.full(radii.shape, response.thickness if isinstance(response, MeasuredResponse) else layer.thickness)
+    thickness = response.thickness if isinstance(response, MeasuredResponse) else layer.thickness
+    h = np.full(radii.shape, thickness, dtype=float)
     if not np.isfinite(layer.thickness):
         h = 1e3 * np.maximum(radii, np.sqrt(v / modulus) if kind == "normal_force" else v)
     units = {"contact_radius": h, "approach": h**2 / radii, "normal_force": modulus * h**3 / radii}

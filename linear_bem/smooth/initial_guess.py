@@ -63,7 +63,7 @@ def first_guess(problem: Problem, kernel: LayeredKernel, report: Report = silent
     """
     field = FarField.of(kernel, problem.positions, np.zeros(problem.size), GUESSED)
     mutual = PointInfluence(field, problem.positions, kernel.singular)
-    radii = np.array([ball.radius for ball in problem.balls])
+    radii = np.array([ball.radius for ball in problem.balls], dtype=float)
     others = [i for i, ball in enumerate(problem.balls) if not is_ball(ball)]
     state = _coupled(problem, mutual, radii, report)
     for _ in range(4 if others else 0):

@@ -53,6 +53,12 @@ def test_estimate_answers_the_same_from_approach_force_and_radius():
         cf.indentation_of_layer(layer, substrate, 8e-3)
 
 
+def test_estimate_takes_whole_numbers_of_any_size():
+    real = cf.indentation_of_layer(Layer(1.0, 0.3, 3.0), None, 1.0, approach=0.1)
+    whole = cf.indentation_of_layer(Layer(1, 0.3, 3 * 10**7), None, 10**7, approach=10**6)  # h^3 is no 64-bit integer
+    assert whole.normal_force / 1e14 == pytest.approx(real.normal_force, rel=1e-9)
+
+
 def test_hertz_is_consistent():
     d, r, e = 1e-3, 0.02, 3e6
     q, a = cf.hertz_force(d, r, e), cf.hertz_contact_radius(d, r)

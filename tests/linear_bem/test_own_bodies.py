@@ -74,6 +74,23 @@ def test_a_height_of_numpy_functions_gives_the_answer_of_the_same_body():
     assert own.tangential_force[0] == pytest.approx(named.tangential_force[0], rel=1e-7)
 
 
+def steep(x, y):
+    return 1.3 * (x**2 + y**2)
+
+
+@pytest.mark.parametrize(
+    "load", [Load("approach", (0.1, 0.05)), Load("force", (0.05, 0.03)), Load("total_force", (0.08,))]
+)
+def test_a_whole_number_as_radius_gives_the_answer_of_the_real_number(load):
+    whole, real = (
+        solve(Problem(Layer(1.0, 0.3, 3.0), tuple(Ball(at, radius, steep) for at in ((0, 0), (3, 0))), load), 1e-2)
+        for radius in (1, 1.0)
+    )
+    for ball, known in zip(whole.balls, real.balls, strict=True):
+        assert ball.normal_force == known.normal_force
+        assert ball.tangential_force == known.tangential_force
+
+
 class Kinked(Indenter):
     """r^2 / 2 with a kink at a radius, beyond which it is ``outer`` r^2 more."""
 
