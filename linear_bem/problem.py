@@ -19,7 +19,7 @@ from linear_bem.indenter import Indenter, Paraboloid, Sphere
 from linear_bem.law import Energy, Law, law_of
 from linear_bem.magnitudes import is_number, load_faults, range_faults
 from linear_bem.media import Elastic, Layer, SurfaceResponse, material_faults, without_empty_layer
-from linear_bem.touching import overlap_faults, wrapped
+from linear_bem.touching import axis_faults, overlap_faults, wrapped
 
 LoadKind = Literal["approach", "force", "total_force"]
 Profile = Callable[..., object]
@@ -278,7 +278,8 @@ class Problem:
 
     def _overlaps(self) -> list[str]:
         whole = {i: (ball.indenter, ball.radius) for i, ball in enumerate(self.balls) if not ball.asperity}
-        return overlap_faults(whole, self.positions, self.cell)
+        radii = np.array([ball.radius for ball in self.balls])
+        return overlap_faults(whole, self.positions, self.cell) or axis_faults(radii, self.positions, self.cell)
 
     def _size_faults(self) -> list[str]:
         """Return a message per number that is too large or too small, in itself or relative to others."""

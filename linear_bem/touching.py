@@ -14,7 +14,7 @@ Body = tuple[object, float]
 
 
 ROUNDOFF = 1e-9
-"""Largest overlap over touching distance that a `Problem` may have."""
+"""Largest overlap over touching distance that a `Problem` may have; least distance of axes over the largest radius."""
 
 
 def wrapped(positions: Array, cell: Array | None) -> Array:
@@ -77,6 +77,15 @@ def overlap_faults(whole: Mapping[int, Body], positions: Array, cell: Array | No
             "caps of a rough surface may stand closer: Ball(..., asperity=True)"
         )
     return faults
+
+
+def axis_faults(radii: Array, positions: Array, cell: Array | None) -> list[str]:
+    """Return a message on the first two bodies that stand on one axis: the force between them has no direction."""
+    pairs = cKDTree(wrapped(positions, cell), boxsize=cell).query_pairs(ROUNDOFF * np.max(radii))
+    if not pairs:
+        return []
+    (i, j), others = min(pairs), f", the first of {len(pairs)} such pairs" if len(pairs) > 1 else ""
+    return [f"balls.positions: balls {i} and {j} must not stand on one axis{others}; move one of them, or leave it out"]
 
 
 def _near_pairs(numbers: Indices, positions: Array, half_widths: Array, cell: Array | None) -> Indices:

@@ -10,6 +10,7 @@ import pytest
 import linear_bem.touching
 from linear_bem import (
     Ball,
+    Cone,
     Elastic,
     FiniteStrain,
     InvalidProblem,
@@ -225,6 +226,18 @@ def test_pairs_of_asperities_are_not_searched_for_overlaps(monkeypatch):
     monkeypatch.setattr(linear_bem.touching, "touching_distance", lambda a, b: pytest.fail("a pair was compared"))
     caps = tuple(Ball((x, y), 5.0, asperity=True) for x, y in np.random.default_rng(7).uniform(0.0, 1.0, (50, 2)))
     assert Problem(Layer(1.0, 0.3, 5.0), caps, Load("total_force", (1e-3,))).size == 50
+
+
+@pytest.mark.parametrize("periodic", [None, Periodic((4.0, 4.0))])
+def test_no_two_bodies_stand_on_one_axis(periodic):
+    def made(x, **body):
+        balls = tuple(Ball((at, 1.0), **body) for at in (0.0, 2.0, x))
+        return Problem(LAYER, balls, Load("approach", (0.1, 0.1, 0.05)), periodic=periodic)
+
+    for body in ({"radius": 1.0, "asperity": True}, {"shape": Cone(0.3, 0.1)}):
+        with pytest.raises(InvalidProblem, match="balls 0 and 2 must not stand on one axis; move one of them"):
+            made(1e-12 if periodic is None else 4.0 - 1e-12, **body)
+        assert made(1e-3, **body).size == 3
 
 
 def test_overlaps_among_many_balls_are_found():
