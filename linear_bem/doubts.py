@@ -20,14 +20,17 @@ def own_profile_notes(contacts: Contacts) -> tuple[str, ...]:
     In unlike units its contact is wider than the ball, or far narrower than its approach.
     """
     problem, approaches, forces, areas = loads_of(contacts)
-    radii, base = np.sqrt(areas / np.pi), given_by_base(problem, int(np.argmax(approaches)), forces, areas)
-    for number, (ball, radius, approach) in enumerate(zip(problem.balls, radii, approaches, strict=True)):
-        own = not isinstance(ball.indenter, Indenter) or isinstance(ball.indenter, HeightFunction)
-        if own and _is_pointed(ball):
+    for number, (ball, area, approach) in enumerate(zip(problem.balls, areas, approaches, strict=True)):
+        if isinstance(ball.indenter, Indenter) and not isinstance(ball.indenter, HeightFunction):
+            continue
+        if _is_pointed(ball):
             return (f"the profile of ball {number} is pointed at its axis: its peak pressure has no limit",)
-        beside = f"exceeds the ball's radius, {ball.radius:g} m" if radius > ball.radius else ""
-        beside = f"is less than 1/{NARROW:g} of its approach" if 0.0 < NARROW * radius < approach - base else beside
-        if own and beside:
+        radius, beside = float(np.sqrt(area / np.pi)), ""
+        if 0.0 < NARROW * radius < approach - given_by_base(problem, number, forces, areas):
+            beside = f"is less than 1/{NARROW:g} of its approach"
+        elif radius > ball.radius:
+            beside = f"exceeds the ball's radius, {ball.radius:g} m"
+        if beside:
             return (
                 f"the contact radius of ball {number}, {radius:.3g} m, {beside}; unless intended, check the units of "
                 "its profile and of its radius",

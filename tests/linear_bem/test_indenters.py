@@ -269,6 +269,10 @@ def test_an_own_profile_in_another_unit_than_its_radius_is_doubted() -> None:
     assert "of ball 0, 0.0141 m, exceeds the ball's radius, 0.002 m; unless intended, check the units" in note
     (note,) = noted(lambda x, y: (x**2 + y**2) / 4e-6)
     assert "of ball 0, 1.41e-05 m, is less than 1/3 of its approach" in note
+    balls = (Ball((200.0, 0.0), 1.0, lambda x, y: 200.0 * (x**2 + y**2)), Ball((0.0, 0.0), 8.0))
+    far = Problem(Layer(1.0, 0.3, 0.5), balls, Load("approach", (0.12, 0.3)), Elastic(0.2, 0.3))
+    # only the other ball dents the base
+    assert any("of ball 0, 0.0167 m, is less than 1/3" in note for note in solve(far, 1e-2).solved.notes)
     balls = (Ball((0.0, 0.0), 1.0, lambda x, y: (x**2 + y**2) / 2.0), Ball((2.0, 0.0), 1.0))
     lifted = solve(Problem(HALF_SPACE, balls, Load("approach", (0.01, 0.3))), 1e-2)
     assert lifted.balls[0].normal_force == 0.0
