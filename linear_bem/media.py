@@ -47,7 +47,8 @@ class SurfaceResponse(Layer):
     and ``poisson`` (-1 to 0.5) are those at the surface; ``thickness`` [m] is the unit of length in G's argument.
     ``response`` accepts and returns arrays; G > 0 must tend to 1 exponentially at large arguments, as if the material
     next to the surface is homogeneous. ``far_ratio`` is G(0), the compliance far from a load over that of the material
-    at the surface (0 over a rigid base); None: measured by G at 1e-6. Derivation: linear_bem/README.md.
+    at the surface (0 over a rigid base); None: measured by G at 1e-6. In a `Periodic` cell, if it is not 0, approaches
+    are measured from the mean level of the surface, as no layer is known. Derivation: linear_bem/README.md.
     """
 
     response: Callable[[Array], Array]

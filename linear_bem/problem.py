@@ -109,7 +109,8 @@ class Periodic:
 
     ``lengths`` [m] are the sides of the cell. Every ball has images at multiples of the sides, under the same load;
     forces are those of one cell. Approaches and displacements are measured from the mean level of the layer's
-    underside, on a half-space from the mean level of its surface; see `linear_bem.layer.cell`.
+    underside, on a half-space and on a `SurfaceResponse` whose base yields (far_ratio > 0) from the mean level of the
+    surface; see `linear_bem.layer.cell`.
     """
 
     lengths: tuple[float, float]

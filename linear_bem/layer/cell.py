@@ -7,7 +7,8 @@ Under a uniform pressure p a layer of thickness h, which cannot extend sideways,
 (the oedometric compliance, 2 pi h G'(0) times `LayeredKernel.singular` on a rigid base), and an elastic half-space
 below it moves down without limit. Displacements and approaches are therefore measured from the mean level of the
 layer's underside, on a half-space without a layer from that of its surface, w0 = 0 [Stanley and Kato 1997, J. Tribol.
-119, 481, doi 10.1115/1.2833523]. If forces are prescribed, forces, differences of approaches and T do not depend on it.
+119, 481, doi 10.1115/1.2833523], and so on the response of a surface over a base that yields. If forces are prescribed,
+forces, differences of approaches and T do not depend on it.
 """
 
 from __future__ import annotations

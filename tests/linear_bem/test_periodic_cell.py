@@ -17,6 +17,7 @@ from linear_bem import (
     Periodic,
     Problem,
     Punch,
+    SurfaceResponse,
     UnsupportedProblem,
     energy_force,
     solve_contact,
@@ -24,6 +25,7 @@ from linear_bem import (
     solver,
     stress,
 )
+from linear_bem.layer.response import LayerResponse
 from linear_bem.lifted_balls import nearest, smooth_state
 from linear_bem.smooth import contacts
 from linear_bem.smooth.displacement import AT_ONCE, LatticeRest
@@ -31,6 +33,7 @@ from linear_bem.smooth.initial_guess import first_guess
 
 BASES = {"rigid base": None, "soft base": Elastic(5.0, 0.3), "stiff base": Elastic(1e9, 0.3)}
 LAYER = Layer(1.0, 0.4, 1.5)
+OEDOMETRIC = 1.5 * 1.4 * 0.2 / 0.6  # compression of the layer per mean pressure
 PLACES = ((0.0, 0.0), (1.95, 0.3), (0.8, 1.9))
 RADII = (1.0, 0.9, 0.7)
 LENGTHS = (4.6, 4.4)
@@ -66,14 +69,21 @@ def test_the_mean_displacement_is_that_of_the_mean_pressure(base, under_forces):
     x, y = np.meshgrid(*((np.arange(count) + 0.5) / count * length for length in LENGTHS))
     w = under_forces[base].displacement(x, y)
     mean = sum(FORCES) / np.prod(LENGTHS)
-    nu = LAYER.poisson
-    oedometric = LAYER.thickness * (1.0 + nu) * (1.0 - 2.0 * nu) / (1.0 - nu)
     # sums over cells of the size of a contact's radius leave 4e-3; without the wave k = 0 the mean would vanish
-    assert float(np.mean(w)) == pytest.approx(oedometric * mean, rel=6e-3)
+    assert float(np.mean(w)) == pytest.approx(OEDOMETRIC * mean, rel=6e-3)
     again = under_forces[base].displacement(x[3] + LENGTHS[0], y[3] - 2.0 * LENGTHS[1])
     np.testing.assert_allclose(again, w[3], atol=1e-6 * np.max(w))
     x, y = np.meshgrid(*((np.arange(200) + 0.5) / 200 * length for length in LENGTHS))
     assert float(np.mean(under_forces[base].pressure(x, y))) == pytest.approx(mean, rel=2e-3)
+
+
+def test_on_a_response_over_a_base_that_yields_approaches_are_measured_from_the_surface(under_forces):
+    response = LayerResponse(LAYER, BASES["soft base"])
+    layer = SurfaceResponse(LAYER.young, LAYER.poisson, LAYER.thickness, response)
+    found = solve_contact(replace(cell(Load("force", FORCES)), layer=layer), ACCURACY)
+    compressed = OEDOMETRIC * sum(FORCES) / np.prod(LENGTHS)
+    above = under_forces["soft base"].contacts.approaches - found.contacts.approaches
+    assert above == pytest.approx(compressed * np.ones(3), rel=1e-5)
 
 
 @pytest.mark.parametrize("substrate", [None, Elastic(5.0, 0.3)])
