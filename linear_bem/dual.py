@@ -11,7 +11,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from linear_bem.arrays import Array
-from linear_bem.indenter import HeightFunction, Indenter
+from linear_bem.indenter import Ellipsoid, HeightFunction, Indenter, Sphere
 
 APEX = 1e-12
 """Largest height at the axis, over the radius, that counts as roundoff in a user's body."""
@@ -31,7 +31,9 @@ def slope(indenter: Indenter, x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def has_kinks(indenter: Indenter) -> bool:
-    """Return whether an indenter's height uses a function of `KINKED`."""
+    """Return whether a height has a kink below its equator: uses a function of `KINKED`, as no ellipsoid does there."""
+    if type(indenter) in (Sphere, Ellipsoid):
+        return False
     at = Dual(np.array([0.01 * indenter.apex_radius]), np.ones(1), np.zeros(1))
     return bool(indenter.height(at, at).kinked)
 

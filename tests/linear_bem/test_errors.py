@@ -8,7 +8,20 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import gamma
 
-from linear_bem import Ball, Cone, Elastic, Ellipsoid, Layer, LayeredKernel, Load, Problem, Punch, solve, solve_contact
+from linear_bem import (
+    Ball,
+    Cone,
+    Elastic,
+    Ellipsoid,
+    Layer,
+    LayeredKernel,
+    Load,
+    Problem,
+    Punch,
+    Sphere,
+    solve,
+    solve_contact,
+)
 from linear_bem.closed_forms import sneddon_sphere
 from linear_bem.error_estimate import edge_peak, errors_by_change, errors_of_one, quantities
 from linear_bem.grid.contacts import GridContacts, grid_levels
@@ -48,6 +61,15 @@ def test_the_errors_of_polynomials_are_covered_at_every_accuracy(name):
             # an estimate must say something: forces to better than 2 %, pressures to better than 20 %
             assert ball.errors["normal_force"] < 0.02 * known.normal_force
             assert ball.errors["peak_pressure"] < 0.2 * known.peak_pressure
+
+
+@pytest.mark.parametrize("body", [Sphere(1.0), Ellipsoid((1.0, 1.0, 1.0))])
+def test_a_ball_given_as_a_body_has_the_errors_of_the_ball_by_name(body):
+    named, own = (
+        solve(Problem(HALF_SPACE, (Ball((0.0, 0.0), 1.0, shape),), Load("approach", (0.1,))), 1e-2).balls[0]
+        for shape in ("sphere", body)
+    )
+    assert own.errors == pytest.approx(named.errors, rel=1e-3)
 
 
 GRIDS = {
