@@ -90,14 +90,15 @@ class Drift:
 
     def path(
         self, start: Array, end: float, sigma: float = 0.0, step: float | None = None, spare: float = 0.0,
-        steps: int = 0,
+        steps: int = 0, *, ending: bool = False,
     ) -> Iterator[Moment]:  # fmt: skip
         """Yield every moment from ``start`` until sigma = ``end`` or until nothing moves, both included.
 
         Only the last moment depends on ``end``: if a step would pass it, shorter ones to ``end`` yield no others, even
-        where nothing moves any more. Forces that fail beyond ``end`` do not matter.
+        where nothing moves any more. Forces that fail beyond ``end`` do not matter. ``ending``: it is known
+        that the first step would pass ``end``.
         """
-        x, state, ending = start, self.forces(start), False
+        x, state = start, self.forces(start)
         while True:
             contacts = self.balls.touching(x, self.tolerance)
             opening = -np.maximum(self.balls.gaps(x, contacts), 0.0) / step if step else None

@@ -40,6 +40,8 @@ PATIENCE = 3.0
 LATER, TOUCHING = 1.0, 40
 """For pair forces, later steps take longer, as more balls touch: extra time over that of the first steps; number of
 balls from which all of it counts (below, in proportion)."""
+COMPARED = 2.5
+"""Time of the coarser path with its comparison, for the error of the positions, over that of this path alone."""
 EVALUATIONS, WARM, SEARCH = 4.6, 0.35, 8.0
 """For direct forces: evaluations per step, and time of one next to a solved state over that of a first solution, where
 more than `IN_ONE_FILE` balls make it too long to measure; number of times that the search for an equilibrium evaluates
@@ -79,8 +81,7 @@ def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -
     step, nearby = later * path.seconds / max(path.steps, 1), 0.0
     if direct:
         step, nearby = _direct(scene, problem, solution) if steps else (0.0, 0.0)
-    # a coarser path is for the error of the positions
-    paths = sliding.ensemble + (0.0 if size > IN_ONE_FILE else COARSER**-FINER)
+    paths = sliding.ensemble + (0.0 if size > IN_ONE_FILE else COMPARED * COARSER**-FINER)
     drawn = 0 if size > IN_ONE_FILE or "periodic" in scene.drift else size
     parts = {
         "table": _by_linear_model(missing, scene) if table is None else table["processor_seconds"],

@@ -12,10 +12,9 @@ from linear_bem.errors import NotConverged, TooLarge, UnsupportedProblem
 from linear_bem.problem import Periodic, Problem
 from runs.display.numbers import count
 from runs.evolution import equilibria
-from runs.evolution.drift import AT_END, Drift, Moment
+from runs.evolution.drift import Drift, Moment
 from runs.evolution.forces import Forces, at
 from runs.evolution.hard_balls import HardBalls, resistances
-from runs.evolution.record import Record, arrays, positions_at
 from runs.evolution.structure import nearest_distances
 from runs.process.json_values import Document
 from runs.scene.units import Unit
@@ -71,26 +70,22 @@ def arrangement_sentence(end: Mapping[str, Any], begin: Array, cell: Array | Non
 def position_error(
     moments: Sequence[Moment], forces: Forces, balls: HardBalls, begin: Array, tolerance: float, rest: float
 ) -> float:
-    """Return the largest difference [m] of any position at any kept moment from a run with a coarser tolerance."""
-    coarse = Record()
-    end = moments[-1].sigma
-    drift = Drift(forces, balls, COARSER * tolerance, rest)
-    for moment in drift.path(begin, end):
-        coarse.take(moment, balls, last=moment.resting or moment.sigma >= AT_END * end)
-    fine, rough = arrays(moments), arrays(coarse.moments)
-    # kept moments differ between the runs: linear interpolation must not count as an error of either
-    both = np.union1d(fine[0], rough[0])
-    difference = positions_at(both, *rough) - positions_at(both, *fine)
-    ends = np.abs(positions_at(fine[0][-1:], *rough)[0] - fine[1][-1])
-    return float(max(np.max(ends), np.max(np.abs(difference)) - _interpolation_error(*rough)))
+    """Return the largest difference [m] of any position from a run with a coarser tolerance.
 
+    Positions of both are compared at kept moments, the last one in each coarser step; nothing is interpolated, as
+    contacts are kinks of the path.
+    """
+    coarse = Drift(forces, balls, COARSER * tolerance, rest)
+    path = list(coarse.path(begin, moments[-1].sigma))
+    passed = np.searchsorted([moment.sigma for moment in path], [moment.sigma for moment in moments], side="right") - 1
 
-def _interpolation_error(sigma: Array, x: Array) -> float:
-    """Estimate the error of linear interpolation between kept moments [m] by leaving out every second one."""
-    if len(x) < 3:
-        return 0.0
-    skipped = positions_at(sigma[1:-1:2], sigma[::2], x[::2])
-    return float(np.max(np.abs(skipped - x[1:-1:2]))) / 4.0
+    def there(last: Moment, sigma: float) -> Array:
+        if last.resting:
+            return last.positions
+        return next(coarse.path(last.positions, sigma, last.sigma, last.step, last.spare, ending=True)).positions
+
+    compared = dict(zip(passed, moments, strict=True))
+    return max(float(np.max(np.abs(there(path[k], m.sigma) - m.positions))) for k, m in compared.items())
 
 
 def momentum(moments: Sequence[Moment]) -> float:

@@ -172,11 +172,6 @@ def positions_at(sigma: Array, at: Array, x: Array) -> Array:
     return np.stack([np.interp(sigma, at, column) for column in columns], axis=1).reshape(len(sigma), *x.shape[1:])
 
 
-def arrays(moments: Sequence[Moment]) -> tuple[Array, Array]:
-    """Return sigma (moments,) [m] and positions (moments, balls, 2) [m]."""
-    return np.array([m.sigma for m in moments]), np.array([m.positions for m in moments])
-
-
 @dataclass(frozen=True)
 class Event:
     """A pair of balls that comes into contact or parts at ``sigma`` [m]."""

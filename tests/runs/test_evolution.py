@@ -16,7 +16,7 @@ from runs.evolution.forces import DirectForces, State
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.outcome import equilibrium, position_error
 from runs.evolution.providers import DIRECT_DIFFERENCE, Provider
-from runs.evolution.record import Record, events
+from runs.evolution.record import Record, events, positions_at
 from tests.runs.foam_balls import FOAM, RADIUS, line, of, scene, spread
 
 Array = NDArray[np.float64]
@@ -165,6 +165,26 @@ def test_a_finer_tolerance_moves_the_end_by_less_than_the_stated_error(foam: Pro
     finer = list(Drift(forces, balls, 0.5 * TOLERANCE, REST).path(start, 0.3))[-1].positions
     change = float(np.max(np.abs(finer - record.moments[-1].positions)))
     assert 0.0 < change < stated < 1e-3 * RADIUS
+
+
+def test_the_stated_error_of_positions_is_that_of_the_coarser_path_where_contacts_close() -> None:
+    problem, tolerance = scene(line(4, 0.03)), 1e-4 * RADIUS
+    balls, x = HardBalls.of(problem), problem.positions
+
+    def attracting(at: Array) -> State:
+        away = at[None, :, 0] - at[:, None, 0] + np.eye(4)
+        pull = np.sum(np.sign(away) * (0.01 / away) ** 2 - 1e-4 * np.eye(4), axis=1)
+        return State(np.stack([pull, np.zeros(4)], axis=1), np.ones(4), np.zeros(4))
+
+    record = Record()
+    for moment in Drift(attracting, balls, tolerance, REST).path(x, 1.0):
+        record.take(moment, balls, last=moment.resting)
+    stated = position_error(record.moments, attracting, balls, x, tolerance, REST)
+    coarse, exact = (list(Drift(attracting, balls, k * tolerance, REST).path(x, 1.0)) for k in (10.0, 0.01))
+    sigma, place = np.array([moment.sigma for moment in exact]), np.array([moment.positions for moment in exact])
+    there = positions_at(np.array([moment.sigma for moment in coarse]), sigma, place)
+    true = float(np.max(np.abs(there - [moment.positions for moment in coarse])))
+    assert 0.5 * true < stated < 1.1 * true
 
 
 def test_motion_that_starts_slowly_is_kept_as_it_is() -> None:

@@ -26,6 +26,9 @@ from tests.scenes import thin_pair
 
 DRIFTING = ROOT / "runs" / "scenes" / "experiment_pair_16mm_finite_strain.toml"
 
+COARSER = 2.5 * 0.1 ** (1 / 3)
+"""Time of the coarser path and of its comparison with a path, over that of the path."""
+
 
 def scene(folder: Path, accuracy: str) -> Scene:
     path = folder / "scene.toml"
@@ -43,7 +46,7 @@ def paths_of(drift: Scene, followed: expectation.Followed, monkeypatch: pytest.M
 def test_a_path_that_is_followed_for_a_while_bounds_the_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     drift = read_scene(ROOT / "runs" / "scenes" / "layer_of_36_balls.toml")
     assert drift.reciprocation is not None
-    end, both = drift.reciprocation.end, 1.0 + 0.1 ** (1 / 3)  # and the coarser path
+    end, both = drift.reciprocation.end, 1.0 + COARSER
     for steps, share, expected in ((20, 0.5, 40.0), (20, 1e-9, 198.0 / 1.06), (400, 1e-9, 400.0)):
         partly = expectation.Followed(steps, 1.0 * steps, share * end, ended=False)
         later = 1.0 + 36 / expectation.TOUCHING
@@ -66,7 +69,7 @@ def test_direct_forces_are_planned_with_the_search_for_an_equilibrium(monkeypatc
     assert parts["check"] == 30.0
     assert 0.0 < parts["equilibrium"] < 8.0 * 4 * 2 * 5.0  # next to a known state T takes less than half of a solution
     # ten steps, by point loads, of half a second each, by direct forces
-    assert parts["paths"] == pytest.approx((1.0 + 0.1 ** (1 / 3)) * 10 * 0.5)
+    assert parts["paths"] == pytest.approx((1.0 + COARSER) * 10 * 0.5)
     monkeypatch.setattr(expectation, "IN_ONE_FILE", 1)  # not solved for the plan
     many = expectation.expectation(direct, model, direct.problem, 10.0)["parts"]
     assert many["equilibrium"] == 0.0
@@ -107,7 +110,7 @@ def test_an_evolution_by_the_linear_model_is_planned_with_its_table(
 
 
 @pytest.mark.parametrize(
-    ("tolerance", "ensemble", "times"), [(1e-9, 1, 10.0), (1e-6, 5, (5 + 0.1 ** (1 / 3)) / (1 + 0.1 ** (1 / 3)))]
+    ("tolerance", "ensemble", "times"), [(1e-9, 1, 10.0), (1e-6, 5, (5 + COARSER) / (1 + COARSER))]
 )
 def test_the_drift_takes_longer_for_a_finer_path_and_for_more_paths(
     tolerance: float, ensemble: int, times: float, monkeypatch: pytest.MonkeyPatch
