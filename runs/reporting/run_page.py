@@ -18,7 +18,7 @@ from runs.display.rows import (
     legend_of_line,
     path_rows,
 )
-from runs.display.tables import mesh_words
+from runs.display.tables import LARGEST_T, mesh_words
 from runs.process.json_values import Document
 from runs.reporting.folder import Folder
 from runs.scene.scene_file import Tables
@@ -166,12 +166,18 @@ def _state(
             f"tangential force {symbol}": f"{with_error(force / unit.size, error / unit.size)} {unit.name}",
             SIZE_RATIO if sized else RATIO: number(force / load, 3) if load > 0.0 else "-",
         }
-        known = (solved.get("accuracy") or {}).get("reached")
-        if known is not None:  # of all balls, like the required accuracy
+        accuracy = solved.get("accuracy") or {}
+        known = accuracy.get("reached")
+        if known is not None and _reference(accuracy) == LARGEST_T:  # of all balls, like the required accuracy
             shown["T known to"] = f"{100.0 * known:.2g} %"
         else:
             shown["T known to"] = f"{100.0 * error / abs(force):.2g} %" if force else "-"
     return shown
+
+
+def _reference(accuracy: Mapping[str, Any]) -> str:
+    """Return what the errors of T are relative to; small T may be compared with another force."""
+    return str(accuracy.get("relative_to", {}).get("what", LARGEST_T))
 
 
 def _account(solved: Mapping[str, Any]) -> dict[str, str]:
@@ -194,6 +200,7 @@ def _accuracy(solved: Mapping[str, Any]) -> Document:
         return {}
     return {
         **{key: f"{100.0 * accuracy[key]:.2g} %" for key in ("asked", "reached")},
+        "relative_to": _reference(accuracy),
         "met": "met" if accuracy.get("met") else "not met",
         "stopped": accuracy["stopped"],
         "terms": error_terms(accuracy),

@@ -243,7 +243,8 @@ def test_the_accuracy_asked_and_reached_is_shown_with_its_meshes(tmp_path: Path)
     )
     (tmp_path / "result.json").write_text(json.dumps({"balls": [state], "steps": [], "solved": solved}))
     text = " ".join(Page(page_of(read_folder(tmp_path))).text)
-    assert "Asked for T: 2 %; reached: 3.1 % (not met). The run ended because: the budget of 60 000 unknowns." in text
+    assert "Asked for: 2 % of the largest tangential force; reached: 3.1 % (not met)." in text
+    assert "The run ended because: the budget of 60 000 unknowns." in text
     assert "9 648" in text
     assert "discretisation 3 %, contact enforcement 0.01 %, transfer of the small-strain correction 0.78 %" in text
     assert "order 3, fineness 1.5" in text

@@ -238,6 +238,12 @@ def test_the_report_has_the_scenes_units_and_names_the_ball(tmp_path: Path) -> N
     # one number for what is known of T, above and below: the largest error over the balls
     assert page.count("3 %") == 2
     assert "0.1 %" not in page  # of the ball shown alone
+    # T that nearly vanishes is not known to a share of another force
+    document = result.to_dict(read.data)
+    document["solved"]["accuracy"]["relative_to"] = {"what": "a tenth of the force between the balls", "force": 1.0}
+    page = page_of(Folder(tmp_path, identity, True, document, SCENE, ""))
+    assert "<dd>0.1 %" in page
+    assert "Asked for: 1 % of a tenth of the force between the balls; reached: 3 % (not met)" in page
 
 
 def test_the_report_on_several_balls_says_what_the_sign_of_t_means(tmp_path: Path) -> None:
