@@ -21,13 +21,10 @@ def saved(earlier: Mapping[str, Any]) -> Document:
 
 
 def results(
-    session: Session, source: Provider, balls: HardBalls, moments: Sequence[Moment], tolerance: float, found: Document,
+    session: Session, source: Provider, balls: HardBalls, moments: Sequence[Moment], found: Document,
     save: Callable[[], None],
 ) -> Document:  # fmt: skip
-    """Return the results of a complete path; those in ``found`` are taken from there, new ones added and saved.
-
-    ``tolerance`` [m] is that of the path.
-    """
+    """Return the results of a complete path; those in ``found`` are taken from there, new ones added and saved."""
     forces, problem, sliding, model = source.forces, session.problem, session.scene.reciprocation, session.model.name
     assert sliding is not None
     begin, end = moments[0].positions, moments[-1].positions
@@ -48,14 +45,14 @@ def results(
         return {"direct_check": rows, **({"balls": full} if full else {})}
 
     def coarser() -> Document:
-        return {"position_error": outcome.position_error(moments, forces, balls, begin, tolerance, sliding.rest)}
+        return {"position_error": outcome.position_error(moments, forces, balls, begin, balls.tolerance, sliding.rest)}
 
     def equilibrium() -> Document:
         of_pair: list[Document] | None = None
         if source.cheap and len(end) == 2:
             distances = equilibria.of_pair(forces, balls.smallest, outcome.FURTHEST * balls.smallest)
             of_pair = [{"distance": distance, "verdict": verdict} for distance, verdict in distances]
-        found_at = outcome.equilibrium(forces, balls, end, source.difference, tolerance)
+        found_at = outcome.equilibrium(forces, balls, end, source.difference, balls.tolerance)
         return {"equilibrium": found_at, "pair_equilibria": of_pair}
 
     if model != "finite_strain" and problem.size <= MEASURED:

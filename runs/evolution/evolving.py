@@ -75,8 +75,10 @@ def balls_of(scene: Scene) -> HardBalls:
     """Return the hard balls of a scene; raises `InvalidScene` for approaches that do not fit one flat plate."""
     cell, rolling = scene.drift.get("periodic"), scene.drift.get("rolling_resistance")
     lengths, share = None if cell is None else cell.lengths, 0.0 if rolling is None else rolling.share
+    assert scene.reciprocation is not None
+    tolerance = scene.reciprocation.tolerance * min(ball.radius for ball in scene.problem.balls)
     try:
-        return HardBalls.of(scene.problem, lengths, share)
+        return HardBalls.of(scene.problem, lengths, share, tolerance)
     except UnsupportedProblem as error:
         raise InvalidScene(scene.path, messages.of_problem(str(error), scene.data)) from None
 
@@ -98,7 +100,6 @@ class Evolution:
         self.balls = balls_of(session.scene)
         self._arrangements: list[Document] = []
         self._nominal = self.problem.positions
-        self.tolerance = self.sliding.tolerance * min(ball.radius for ball in self.problem.balls)
         self.end = self.sliding.end
 
     def complete(self, *, pictures: bool = True) -> Document | None:
@@ -157,7 +158,7 @@ class Evolution:
                 with signals.held():
                     members[seed] = self._member(path, number)
                 save()
-            ends = after_path.results(self.session, source, self.balls, record.moments, self.tolerance, found, save)
+            ends = after_path.results(self.session, source, self.balls, record.moments, found, save)
             if self._is_layer:
                 write_csv(
                     self.session.out / "structure_factor.csv", structure.waves_of(some(record.moments), self.balls)
@@ -225,7 +226,7 @@ class Evolution:
         if record.ended(self.end):
             return
         steps_before = sum(m.get("steps", 0) for m in members.values())
-        drift = Drift(source.forces, self.balls, self.tolerance, self.sliding.rest)
+        drift = Drift(source.forces, self.balls, self.balls.tolerance, self.sliding.rest)
         restart = record.continuation
         if restart is None:
             path = drift.path(start(self.balls, self._nominal, self.sliding, number), self.end)

@@ -169,8 +169,7 @@ def _followed(scene: Scene, problem: Problem, forces: Forces) -> Followed:
     """Follow the first path by ``forces`` until the patience ends; the time of the first state does not count."""
     sliding, balls = scene.reciprocation, balls_of(scene)
     assert sliding is not None
-    tolerance = sliding.tolerance * min(ball.radius for ball in problem.balls)
-    drift = Drift(forces, balls, tolerance, sliding.rest)
+    drift = Drift(forces, balls, balls.tolerance, sliding.rest)
     moments = drift.path(start(balls, problem.positions, sliding, 0), sliding.end)
     moment = next(moments)
     begun, spent = time.process_time(), 0.0

@@ -20,7 +20,7 @@ from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from linear_bem.arrays import Array, Indices
+from linear_bem.arrays import Array, Indices, Mask
 from linear_bem.errors import NotConverged, UnsupportedProblem
 from linear_bem.problem import Problem
 from linear_bem.touching import wrapped
@@ -32,7 +32,7 @@ Pairs = Indices
 TOUCHING = 1e-9
 """Gap over touching distance up to which a pair is in contact."""
 CONNECTED = 1e-3
-"""Gap over touching distance up to which a pair belongs to one group."""
+"""Gap over touching distance, beyond the tolerance, up to which a pair belongs to one group and has not parted."""
 OVERLAP, UNSETTLED = 1e-12, 5e-10
 """Overlap over touching distance: roundoff; and the overlap accepted with more than `DENSE` near pairs, the accuracy of
 the interior-point method: removing it, and computing the forces again, would take a tenth of the time of a path. It is
@@ -51,15 +51,19 @@ WITHOUT_LOAD = 1e-6
 class HardBalls:
     """Balls of ``radii`` [m]; ``cell`` holds the lengths [m] of a periodic cell along x and y.
 
-    ``rolling`` is the share of its load below which the force on a ball does not move it.
+    ``rolling`` is the share of its load below which the force on a ball does not move it, ``tolerance`` [m] that of
+    the path: a pair with this gap may be in contact.
     """
 
     radii: Array
     cell: Array | None = None
     rolling: float = 0.0
+    tolerance: float = 0.0
 
     @classmethod
-    def of(cls, problem: Problem, cell: tuple[float, float] | None = None, rolling: float = 0.0) -> HardBalls:
+    def of(
+        cls, problem: Problem, cell: tuple[float, float] | None = None, rolling: float = 0.0, tolerance: float = 0.0
+    ) -> HardBalls:
         """Return the hard balls of ``problem``; raises `UnsupportedProblem` if no flat plate gives its approaches."""
         radii, bottoms = np.array([ball.radius for ball in problem.balls]), np.array(problem.load.values)
         if min(np.ptp(bottoms), np.ptp(bottoms - 2.0 * radii)) > 1e-9 * np.max(radii):
@@ -68,7 +72,7 @@ class HardBalls:
                 f"approaches) or their tops (approach less diameter), got approaches from {np.min(bottoms):.9g} m to "
                 f"{np.max(bottoms):.9g} m; give one approach, or each ball's diameter less one length"
             )
-        return cls(radii, None if cell is None else np.array(cell), rolling)
+        return cls(radii, None if cell is None else np.array(cell), rolling, tolerance)
 
     @property
     def smallest(self) -> float:
@@ -175,10 +179,14 @@ class HardBalls:
             "more room, or at the start of evolve a smaller [reciprocation] perturbation"
         )
 
+    def connected(self, x: Array, which: Pairs) -> Mask:
+        """Return which of the numbered pairs are together: in contact, or hardly apart."""
+        return np.asarray(self.gaps(x, which) <= CONNECTED * self.distances(which) + self.tolerance)
+
     def groups(self, x: Array) -> list[list[int]]:
-        """Return the balls of each connected group; pairs with a gap of up to `CONNECTED` are connected."""
-        which = self.near(x, CONNECTED * 2.0 * float(np.max(self.radii)))
-        i, j = self.pairs(which[self.gaps(x, which) <= CONNECTED * self.distances(which)]).T
+        """Return the balls of each group of `connected` pairs."""
+        which = self.near(x, CONNECTED * 2.0 * float(np.max(self.radii)) + self.tolerance)
+        i, j = self.pairs(which[self.connected(x, which)]).T
         joined = coo_matrix((np.ones(len(i)), (i, j)), shape=(len(x), len(x)))
         _, label = connected_components(joined, directed=False)
         groups = np.split(np.argsort(label, kind="stable"), np.cumsum(np.bincount(label))[:-1])

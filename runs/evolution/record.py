@@ -23,8 +23,6 @@ few balls, for which every change of a contact is kept too, and for many balls."
 FURTHER = 1.1
 """Sliding path over that of the last kept moment from which the next one of few balls is kept although they have hardly
 moved: motion that starts slowly and becomes fast is drawn as it is."""
-APART = 1e-3
-"""Gap over touching distance at which a contact counts as open again."""
 NEIGHBOURS = 1.2
 """Starting distance over the smallest one up to which two balls are neighbours."""
 
@@ -184,14 +182,14 @@ class Event:
 def events(moments: Sequence[Moment], balls: HardBalls) -> list[Event]:
     """Return when pairs came into contact and parted, contacts at the start too.
 
-    A pair has parted when its gap exceeds a thousandth of the touching distance.
+    A pair has parted when it is no longer `HardBalls.connected`.
     """
     together: set[tuple[int, int]] = set()
     out: list[Event] = []
     for moment in moments:
         now = {(int(i), int(j)) for i, j in balls.pairs(moment.contacts)}
         before = np.array(sorted(balls.number(*pair) for pair in together), dtype=np.intp)
-        gone = balls.gaps(moment.positions, before) > APART * balls.distances(before)
+        gone = ~balls.connected(moment.positions, before)
         apart = {(int(i), int(j)) for i, j in balls.pairs(before[gone])}
         out += [Event(moment.sigma, pair, "touch") for pair in sorted(now - together)]
         out += [Event(moment.sigma, pair, "part") for pair in sorted(together & apart)]
@@ -228,7 +226,7 @@ def summary(moments: Sequence[Moment], balls: HardBalls, nominal: Array) -> Docu
         "sigma_end": end.sigma,
         "group_sizes": [] if balls.many else [now for k, now in enumerate(sizes) if k == 0 or now != sizes[k - 1]],
         "neighbours": len(beside),
-        "neighbours_kept": int(np.sum(balls.gaps(x, beside) <= APART * balls.distances(beside))),
+        "neighbours_kept": int(np.sum(balls.connected(x, beside))),
         "first_pairs": [list(event.pair) for event in touches[:4]],
         "contacts": len(end.contacts),
         "groups": sizes[-1],

@@ -12,12 +12,15 @@ from linear_bem import Ball, Layer, LayeredKernel, Load, Problem, UnsupportedPro
 from runs.evolution import equilibria
 from runs.evolution.drawing import chosen_cycles
 from runs.evolution.drift import Drift, Moment
+from runs.evolution.evolving import balls_of
 from runs.evolution.forces import DirectForces, State
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.outcome import equilibrium, position_error
 from runs.evolution.providers import DIRECT_DIFFERENCE, Provider
 from runs.evolution.record import Record, events, positions_at
+from runs.scene.scene_file import read_scene
 from tests.runs.foam_balls import FOAM, RADIUS, line, of, scene, spread
+from tests.scenes import thin_pair
 
 Array = NDArray[np.float64]
 
@@ -202,6 +205,20 @@ def test_motion_that_starts_slowly_is_kept_as_it_is() -> None:
     between = np.interp(2.9, kept, [moment.positions[1, 0] - 0.05 for moment in record.moments])
     assert between == pytest.approx(place(2.9), rel=0.2)
     assert len(kept) < 80
+
+
+def test_balls_in_contact_within_a_coarse_tolerance_have_not_parted_and_are_one_group(tmp_path: Path) -> None:
+    file = tmp_path / "pair.toml"
+    drift = "[reciprocation]\namplitude = 1\ncycles = 1\nfriction = 1\ntolerance = 1e-2\n"
+    file.write_text(thin_pair() + drift, encoding="utf-8")
+    balls, at_rest = balls_of(read_scene(file)), State(np.zeros((2, 2)), np.ones(2), np.zeros(2))
+    moments = []
+    for sigma, gap in enumerate((1e-9, 0.009, 1e-9, 0.014)):  # over the radius
+        x = np.array([[0.0, 0.0], [balls.smallest + gap * balls.radii[0], 0.0]])
+        contacts = balls.touching(x, balls.tolerance)
+        moments.append(Moment(float(sigma), x, at_rest, contacts, np.zeros(len(contacts)), 1.0, 1.0, 0.0, False))
+        assert len(balls.groups(x)) == 2 - len(contacts)
+    assert [(event.sigma, event.kind) for event in events(moments, balls)] == [(0.0, "touch"), (3.0, "part")]
 
 
 def test_edge_balls_pair_first_and_two_groups_merge(foam: Provider) -> None:
