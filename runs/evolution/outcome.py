@@ -12,7 +12,7 @@ from linear_bem.errors import NotConverged, TooLarge, UnsupportedProblem
 from linear_bem.problem import Periodic, Problem
 from runs.display.numbers import count
 from runs.evolution import equilibria
-from runs.evolution.drift import Drift, Moment
+from runs.evolution.drift import PUSHING, Drift, Moment
 from runs.evolution.forces import Forces, at
 from runs.evolution.hard_balls import HardBalls, resistances
 from runs.evolution.structure import nearest_distances
@@ -28,9 +28,10 @@ FURTHEST = 12.0
 
 
 def rest(end: Moment) -> Document:
-    """Return whether nothing moves any more, and the residuals: largest (T + pushes)/Q and |T|/Q."""
-    left = float(np.max(np.hypot(*end.state.tangential.T) / resistances(end.state.normal)))
-    return {"at_rest": end.resting, "speed": end.speed, "force_over_load": left}
+    """Return whether nothing moves any more, whether contacts push, and the residuals (T + pushes)/Q and |T|/Q."""
+    forces = np.hypot(*end.state.tangential.T)
+    left, pushing = float(np.max(forces / resistances(end.state.normal))), end.pushes > PUSHING * np.max(forces)
+    return {"at_rest": end.resting, "pushing": bool(np.any(pushing)), "speed": end.speed, "force_over_load": left}
 
 
 def rest_sentence(found: Mapping[str, Any], contacts: int, cycles: float, rolling: float = 0.0) -> str:
@@ -41,12 +42,13 @@ def rest_sentence(found: Mapping[str, Any], contacts: int, cycles: float, rollin
             f"still moving after {cycles:.4g} cycles, to go on raise [reciprocation] cycles and run the same command "
             f"again; the fastest ball is driven by {found['speed']:.2g} of its load ({left})"
         )
-    holds = [count(contacts, "contact")] if contacts else []
+    pushing = contacts if found.get("pushing", True) else 0
+    holds = [count(contacts, "contact")] if pushing else []
     if rolling > 0.0:
         holds.append(f"the rolling resistance of {rolling:g} of the load")
     if not holds:
-        return f"at rest after {cycles:.4g} cycles: no tangential force is left ({left})"
-    verb = "holds" if contacts + (rolling > 0.0) == 1 else "hold"
+        return f"at rest after {cycles:.4g} cycles: no tangential force above [reciprocation] rest is left ({left})"
+    verb = "holds" if pushing + (rolling > 0.0) == 1 else "hold"
     return f"at rest after {cycles:.4g} cycles: {' and '.join(holds)} {verb} the balls ({left})"
 
 

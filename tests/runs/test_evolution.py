@@ -16,6 +16,7 @@ from runs.evolution.evolving import balls_of
 from runs.evolution.forces import DirectForces, State
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.outcome import equilibrium, position_error
+from runs.evolution.outcome import rest as rest_of
 from runs.evolution.providers import DIRECT_DIFFERENCE, Provider
 from runs.evolution.record import Record, events, positions_at
 from runs.scene.scene_file import read_scene
@@ -105,6 +106,8 @@ def test_a_touching_pair_that_repels_parts_and_one_that_attracts_stays(tables: P
         problem = Problem(rubber, balls, Load("approach", (0.0015, 0.0015)))
         moments = path(of("point_load", problem, tables).forces, problem, 1.0)
         distance = [float(np.ptp(m.positions[:, 0])) for m in moments]
+        assert len(moments[0].contacts) == 1
+        assert rest_of(moments[0])["pushing"] is (what == "stay")
         if what == "part":
             assert np.all(np.diff(distance) > 0.0)
             assert distance[-1] > 2.4 * radius
