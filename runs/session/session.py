@@ -253,6 +253,12 @@ def _without_effect(scene: Scene, model: Model) -> list[str]:
         notes.append(f"[output] left out: {model.name} has no fields inside the layer to write")
     if scene.budget:
         notes.append(f"[accuracy] {', '.join(scene.budget)} left out: {model.name} has no mesh")
+    sliding, checked = scene.reciprocation, "serves the comparison with the full linear model alone"
+    if model.name == "point_load" and scene.tangential_force is not None:
+        use = "left out" if sliding is None else checked
+        notes.append(f"[accuracy] tangential_force {use}: {model.name} has the accuracy of its law")
+    if model.name == "point_load" and sliding is not None and sliding.forces == "direct":
+        notes.append(f'[reciprocation] forces = "direct" left out: {model.name} has one law, of pairs')
     return notes
 
 

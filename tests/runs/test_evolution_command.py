@@ -21,10 +21,10 @@ from linear_bem.result import Solved, Step
 from runs.evolution import evolving, outcome, pair_table, showing
 from runs.evolution.drawing import FRAMES, SECONDS
 from runs.evolution.evolving import evolve_scene
-from runs.models import MODELS, Run
+from runs.models import MODELS, Run, standing
 from runs.process import signals
 from runs.scene.scene_file import Scene, read_scene
-from runs.session.session import Options
+from runs.session.session import Options, _without_effect
 from tests.launch import ROOT, environment, python, thirdbody
 from tests.test_architecture import HEAVY, LOADED
 
@@ -329,6 +329,16 @@ def test_a_budget_bounds_every_run_of_a_table_and_names_the_table(
     assert "budget" not in free["pair_table"]["identity"]
     linear = evolved(replace(short, budget={"unknowns": 4e4}), tmp_path / "linear")
     assert "[accuracy] unknowns left out: point_load has no mesh" in linear["solved"]["notes"]
+
+
+def test_what_point_loads_ignore_is_noted(scene: Scene) -> None:
+    asked, point_load = replace(scene, tangential_force=1e-6), MODELS["point_load"]
+    at_one_instant, moving = (_without_effect(each, point_load) for each in (standing(asked), asked))
+    assert at_one_instant == ["[accuracy] tangential_force left out: point_load has the accuracy of its law"]
+    assert "tangential_force serves the comparison with the full linear model alone" in moving[0]
+    (direct,) = _without_effect(sliding(scene, forces="direct"), point_load)
+    assert direct.startswith('[reciprocation] forces = "direct" left out')
+    assert _without_effect(sliding(asked, forces="direct"), MODELS["linear_bem"]) == []
 
 
 def test_an_evolution_by_point_loads_never_loads_dolfinx_the_solver_of_resistance_or_rare_units(tmp_path: Path) -> None:
