@@ -129,7 +129,7 @@ class Contact:
             else:  # a long body is low far from its axis
                 x, y, _ = _turned((away[..., 0], away[..., 1], 0.0), self.angle)
                 with np.errstate(all="ignore"):  # of a body that has no height there
-                    heights = np.nan_to_num(kind.height(x, y), nan=_NONE, posinf=_NONE).mean(axis=2)
+                    heights = np.fmin(kind.height(x, y), _NONE).mean(axis=2)
             heights[distances.min(axis=2) > REACH * np.array([self.balls[n].reach for n in numbers])] = np.inf
             order = np.argsort(heights, axis=1)
             for rank in range(min(CANDIDATES, len(numbers))):

@@ -49,30 +49,33 @@ def radius_seen(shape: str | Indenter, radius: float, approach: float) -> float:
     indenter, unit = (NAMED[shape], radius) if isinstance(shape, str) else (shape, 1.0)
     depth = approach / unit
     end = _end(indenter, depth)
-
-    def cut(way: complex) -> float:
-        """Return the distance of the section's edge from the axis in a direction."""
-
-        def above(r: float) -> float:
-            height = indenter.height(r * way.real, r * way.imag)
-            if isinstance(height, complex) or math.isnan(height):
-                raise InvalidProblem(
-                    f"balls.shape: {type(indenter).__name__}.height must be a real number wherever the layer may "
-                    f"touch, got {height} at (x, y) = ({r * way.real:.3g}, {r * way.imag:.3g}) m; a body that ends "
-                    "before needs the property reach"
-                )
-            return float(height) - depth
-
-        return float(brentq(above, 0.0, end)) if above(end) > 0.0 else end
-
-    cuts = cut(1.0), cut(1j)
+    cuts = section_edge(indenter, depth, 1.0, end), section_edge(indenter, depth, 1j, end)
     if not isinstance(shape, str):
         heights = _heights_around(indenter, max(cuts))
         longer = -np.mean(heights * _AROUND**2)
         if abs(longer) > _LONG * np.mean(heights):  # not along x and y, but along the body and across
             along = cmath.sqrt(longer / abs(longer))
-            cuts = cut(along), cut(1j * along)
+            cuts = section_edge(indenter, depth, along, end), section_edge(indenter, depth, 1j * along, end)
     return unit * cuts[0] * cuts[1] / (2.0 * depth)
+
+
+def section_edge(indenter: Indenter, depth: float, way: complex, end: float) -> float:
+    """Return how far [m] a body's section by a plane at a ``depth`` [m] extends from the axis, at most to ``end`` [m].
+
+    ``way`` is the direction x + iy, a complex number of length one.
+    """
+
+    def above(r: float) -> float:
+        height = indenter.height(r * way.real, r * way.imag)
+        if isinstance(height, complex) or math.isnan(height):
+            raise InvalidProblem(
+                f"balls.shape: {type(indenter).__name__}.height must be a real number wherever the layer may touch, "
+                f"got {height} at (x, y) = ({r * way.real:.3g}, {r * way.imag:.3g}) m; a body that ends before needs "
+                "the property reach"
+            )
+        return float(height) - depth
+
+    return float(brentq(above, 0.0, end)) if above(end) > 0.0 else end
 
 
 def _heights_around(indenter: Indenter, r: float) -> np.ndarray:

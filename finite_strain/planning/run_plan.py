@@ -7,9 +7,16 @@ from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 
 import numpy as np
-from scipy.optimize import brentq
 
-from finite_strain.geometry.estimates import LEAST_SHARE, alone, edge_of, known_shape, radius_seen, with_expressions
+from finite_strain.geometry.estimates import (
+    LEAST_SHARE,
+    alone,
+    edge_of,
+    known_shape,
+    radius_seen,
+    section_edge,
+    with_expressions,
+)
 from finite_strain.geometry.extent import Extent, choose_extent
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.geometry.symmetry import Reduction, reduce_scene
@@ -263,12 +270,7 @@ def _extent(ball: Ball, state: Indentation, x: float, y: float) -> float:
         return state.contact_radius
     if edge_of(shape):
         return 0.0
-    end = min(shape.reach / far, 1.0)
-
-    def excess(share: float) -> float:
-        return float(shape.height(share * x, share * y)) - state.approach
-
-    width = far * (brentq(excess, 0.0, end) if excess(end) > 0.0 else end)
+    width = section_edge(shape, state.approach, complex(x, y) / far, min(shape.reach, far))
     round_one = math.sqrt(2.0 * state.approach * radius_seen(shape, ball.radius, state.approach))
     return state.contact_radius * width / round_one
 
