@@ -173,6 +173,7 @@ def test_rest_is_said_of_runs_with_resistance_alone() -> None:
     assert "200 balls on h = 6 R after a path of 53.6 with a mean cluster of 14" in text
     assert "h = 6 R at 0.3. Runs with small groups: none. Runs that order: none. At the end of their path" in text
     assert "have mean clusters of 14 to 14 balls (where contacts run" in text
+    assert "nan" not in text
 
 
 def test_the_force_of_touching_balls_vanishes_where_a_parabola_says() -> None:

@@ -101,8 +101,8 @@ def text(
     return render(
         __file__, free=len(free), still=sum(done.outcome == "stays" for done in free),
         attract=min((h for h, law in laws.items() if law.ratio[0] > 0.0), default=None),
-        soft=min((h for h, law in laws.items() if law.softens), default=np.nan),
-        part=max((h for h, law in laws.items() if not law.softens), default=np.nan),
+        soft=min((h for h, law in laws.items() if law.softens), default=None),
+        part=max((h for h, law in laws.items() if not law.softens), default=None),
         weaker={h: law for h, law in laws.items() if law.softens and law.ratio[0] <= 0.0},
         driven=_ends(done.row["force_over_load"] for done in free),
         contacts=_ends(done.row["coordination"] for done in free if done.outcome == "small groups"),

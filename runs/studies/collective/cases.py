@@ -47,6 +47,7 @@ DISTANCES = np.linspace(2.0, 24.0, 221)
 
 
 NUMBER = re.compile(r"-?\d+\.\d+(?:e-?\d+)?")
+"""A number with a fraction in the text of a scene."""
 
 
 @dataclass(frozen=True)
@@ -122,6 +123,7 @@ class PairLaw:
         return self.farthest_apart > DISTANCES[0]
 
 
+@cache
 def pair_law(thickness: float, approach: float = APPROACH, *, finite: bool = False) -> PairLaw:
     """Return the pair law of two balls on a layer; T > 0 attracts."""
     balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
