@@ -51,6 +51,9 @@ def test_a_case_that_fails_or_has_changed_is_named_below_the_table_and_its_old_a
     assert "10 of 10 cases have no answer" in text
     assert "- ngsolve-2x1-0.1: failed: Newton's method" in text
     assert "| NGSolve 6 |" not in text
+    monkeypatch.setattr(answer, "_solve", lambda _, file: str(file.write_text(json.dumps(found | {"key": "later"}))))
+    answer.compute(tmp_path, Options(quick=True))
+    assert "- ngsolve-2x1-0.1: not run" in answer.page(tmp_path, quick=True)
 
 
 def test_the_energies_for_felupe_are_the_papers_in_any_frame() -> None:

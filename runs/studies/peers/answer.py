@@ -49,7 +49,8 @@ def compute(folder: Path, options: Options) -> None:
     """Run the cases without a saved answer, in this Python or those of the variable PEERS_PYTHON (a:b:c)."""
     for file, arguments in cases(folder, options.quick):
         if options.fresh or _answer(file, arguments) is None:
-            file.unlink(missing_ok=True)
+            for old in (file, file.with_suffix(FAILED)):
+                old.unlink(missing_ok=True)
             with timed(file.stem):
                 said = _solve(arguments, file)
                 print_status(said)
@@ -59,9 +60,10 @@ def compute(folder: Path, options: Options) -> None:
 
 def page(folder: Path, quick: bool) -> str:
     """Write peers.csv and laws.csv; return their tables as Markdown, with the cases that have no answer."""
-    answers = {file: _answer(file, arguments) for file, arguments in cases(folder, quick)}
-    pairs = (found for file, found in answers.items() if found and not file.stem.endswith(tuple(LAW_BY_NAME)))
-    rows = sorted(map(_row, pairs), key=lambda row: (row["D"], row["error of T"]))
+    wanted = dict(cases(folder, quick))
+    answers = {file: _answer(file, arguments) for file, arguments in wanted.items()}
+    without_law = (found for file, found in answers.items() if found and len(wanted[file]) == 3)
+    rows = sorted(map(_row, without_law), key=lambda row: (row["D"], row["error of T"]))
     laws = list(_laws(folder, answers))
     write_csv(folder / "peers.csv", rows)
     write_csv(folder / "laws.csv", laws)
