@@ -108,7 +108,7 @@ def _observation(point: Point, small: Finding | None, large: Finding | None) -> 
 
 
 def _errors(model: str, documents: Documents) -> dict[str, Any]:
-    """Return one model's sources of error: additivity by radius and nu, and of runs with the name of their case."""
+    """Return one model's sources of error: additivity by radius and nu, and largest errors with their case."""
     tables = [table for document in documents.values() if (table := document["pair_table"]) is not None]
     solids = [(table["identity"]["radius"], table["identity"]["layer"]["poisson"]) for table in tables]
     shares = [

@@ -40,7 +40,7 @@ def present(found: Found, folder: Path) -> str:
         rows={name: [{**row, "verdict": row["verdict"] or "-"} for row in rows] for name, rows in tables.items()},
         title={p.name: p.title for p in PARTS}, paper_load=PAPER_LOAD, band=convergence.BAND,
         floor=convergence.FLOOR, distance=routes.DISTANCE, shift=routes.SHIFT,
-        nu=" and ".join({f"{case.problem.layer.poisson:g}": 0 for case in found.of_part(routes.NAME)}),
+        nu=" and ".join(dict.fromkeys(f"{case.problem.layer.poisson:g}" for case in found.of_part(routes.NAME))),
     )  # fmt: skip
 
 
