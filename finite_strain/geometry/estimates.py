@@ -37,7 +37,7 @@ _FARTHER = 1.1
 """Factor between the distances from the axis at which a body is compared with its approach."""
 _ROUNDS = 4
 """Fixed-point iterations between approach and radius for a prescribed force."""
-_AROUND = np.exp(2j * np.pi * np.arange(128) / 128)
+_AROUND = np.exp(2j * np.pi * np.arange(1024) / 1024)
 """Directions about an axis, as complex numbers of length one."""
 _LONG = 1e-6
 """Relative change of a body's height about its axis up to which it counts as round."""

@@ -118,10 +118,10 @@ def test_a_plane_mirrors_whole_bodies_not_only_what_is_near_their_apex(body: Ind
     assert reduce_scene(scene(turned(balls, 0.3))).planes == ((0, 1) if is_round else ())
 
 
-def roller(angle: float) -> Profile:
-    """Return a cylinder of radius 0.25 m that ends 3 m from its middle, turned by an angle."""
+def roller(angle: float, radius: float = 0.25) -> Profile:
+    """Return a cylinder with a radius [m] that ends 3 m from its middle, turned by an angle."""
     c, s = math.cos(angle), math.sin(angle)
-    return lambda x, y: ((c * x + s * y) / 4.0) ** 8 + (c * y - s * x) ** 2 / 0.5
+    return lambda x, y: ((c * x + s * y) / 4.0) ** 8 + (c * y - s * x) ** 2 / (2.0 * radius)
 
 
 def test_a_long_body_may_touch_up_to_its_ends_and_is_expected_to_touch_alike_in_all_directions() -> None:
@@ -131,6 +131,8 @@ def test_a_long_body_may_touch_up_to_its_ends_and_is_expected_to_touch_alike_in_
         assert 1.0 <= reduce_scene(problem).balls[0].reach / half_length < 1.2
         radii.append(prescribed(problem).expected()[0].contact_radius)
     assert radii == pytest.approx([radii[0]] * 4, rel=1e-9)
+    needle = scene((Ball((0.0, 0.0), 0.25, roller(0.0123, 0.0025)),), Load("approach", (0.08,)))
+    assert 1.0 <= reduce_scene(with_expressions(needle)).balls[0].reach / half_length < 1.2
     thin = scene(balls_at((0.0, 0.0), shape=Ellipsoid((3.0, 0.15, 1.5))), Load("approach", (0.4,)))
     assert reduce_scene(thin).balls[0].reach > 3.0 * math.sqrt(1.0 - (1.0 - 0.4 / 1.5) ** 2)
 
