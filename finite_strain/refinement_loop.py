@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 from mpi4py import MPI
 
 from finite_strain import FORMAT, Inspect, compat
@@ -18,7 +19,7 @@ from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.discrete_model import Meshed
 from finite_strain.discretisation.regions import pressures
 from finite_strain.equilibrium.linear_solver import unused_options
-from finite_strain.equilibrium.load_path import State, StepRecord
+from finite_strain.equilibrium.load_path import EXACT, State, StepRecord
 from finite_strain.equilibrium.newton import Effort
 from finite_strain.equilibrium.solver_options import solver_notes
 from finite_strain.geometry.load_control import prescribed
@@ -40,6 +41,8 @@ from linear_bem.result import Result, Solved
 
 NAMES = ("coarse", "main", "finer")
 """Names of the discretisations of a run: the path finder, the first with results, and all later ones."""
+LOOSE, SHARE = 1e-7, 0.01
+"""Residual norm of Newton's method over the normal force: at most, and as a share of the accepted error of T."""
 
 
 class Refinement:
@@ -218,8 +221,16 @@ class Refinement:
         for fraction in path:
             rounds = self.records[number - 1].stiffened if self._is_last(number, fraction) else 0
             run.path.ahead = STIFFER**rounds
-            run.path.is_rough = self._is_last(number, fraction)
+            run.path.is_rough, run.path.residual = self._is_last(number, fraction), self._residual(number, fraction)
             yield from run.path.steps([fraction], lambda f: self._predicted(run, number, "own", f))
+
+    def _residual(self, number: int, fraction: float) -> float:
+        """Return the residual norm over the normal force that T of the coarser discretisation allows at a load."""
+        coarse = self.records[number - 1].at(fraction) if number else None
+        if coarse is None:
+            return EXACT
+        pull = np.linalg.norm(coarse.own.tangential_force, axis=1).max() / coarse.own.normal_force.max()
+        return float(min(max(SHARE * self.plan.accuracy * pull, EXACT), LOOSE))
 
     def _answers(self, number: int) -> Answers:
         return Answers(self.plan, (coarser(self.records[: number + 1]), self.records[number]))
@@ -246,7 +257,7 @@ class Refinement:
         if run is None or (record.rows and record.rows[-1].small is None):
             return None
         try:
-            run.path.is_rough = rounds > 0
+            run.path.is_rough, run.path.residual = rounds > 0, self._residual(number, fraction)
             *_, done = run.path.steps([fraction], lambda f: self._predicted(run, number, "small", f))
             run.path.augment(done)
             run.path.stiffen(done, STIFFER, rounds)

@@ -16,10 +16,9 @@ from finite_strain.geometry.estimates import STIFFENING, alone, is_stable, penal
 from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
 
-RESIDUAL = 1e-9
-"""Residual norm over the normal force at which Newton's method stops."""
-ROUGH = 1e5
-"""Factor on the residual bound in a state without multipliers."""
+EXACT, ROUGH, PASSING = 1e-9, 1e-4, 1e-3
+"""Residual norm over the normal force at which Newton's method stops: with results, without multipliers (which they
+determine), and before penalties are stiffened."""
 GROWTH = 1.5
 """Growth of the load step after a converged one."""
 SPURIOUS = 0.3
@@ -78,8 +77,8 @@ class LoadPath:
     ``observe`` is called with the fraction and the number of cut-backs when a step begins; ``stiffer`` multiplies the
     penalties of states with multipliers; ``shortest`` is the load step over the goal below which the path ends, and
     ``longest`` the first step over full load after a predictor's state failed. The attribute ``ahead`` multiplies the
-    penalties of the next step if it starts with a predictor's multipliers, and returns to 1 if that fails. With
-    ``is_rough`` states with multipliers have up to `ROUGH` times the residual, until `stiffen` makes them exact.
+    penalties of the next step if it starts with a predictor's multipliers, and returns to 1 if that fails. The
+    residual of states with multipliers is at most ``residual``; with ``is_rough`` it is `PASSING` until `stiffen`.
     """
 
     def __init__(
@@ -92,7 +91,8 @@ class LoadPath:
         self.history: list[State] = []
         self._borrowed = False
         """Whether states of the path began with those of another discretisation, or of an earlier run."""
-        self.source, self.ahead, self.is_rough = self.model.contact.penalised, 1.0, False
+        self.source, self.ahead = self.model.contact.penalised, 1.0
+        self.residual, self.is_rough = EXACT, False
 
     def steps(self, fractions: Sequence[float], predictor: Predictor = lambda _: None) -> Iterator[StepRecord]:
         """Yield after each converged step; all fractions are reached in turn, with smaller steps where needed.
@@ -204,7 +204,7 @@ class LoadPath:
                 kept = self._kept(record)
                 self.model.contact.stiffen(factor)
                 try:
-                    self._newton(record, ROUGH, keeps=True)
+                    self._newton(record, PASSING, keeps=True)
                 except NotConverged:
                     self._return_to(kept, record, factor)
                     break
@@ -245,7 +245,7 @@ class LoadPath:
         else:
             self.ahead = 1.0
             self._set_penalties()
-            self._newton(record, rough=ROUGH)
+            self._newton(record, ROUGH)
             work = float(self.model.part_forces() @ (contact.approaches - np.array(self.last.approaches)))
             if self.model.energy() - self.last.energy > work + SURPLUS * abs(work):
                 raise NotConverged("the equilibrium stores more energy than the balls' work: its surface is crumpled")
@@ -265,7 +265,7 @@ class LoadPath:
             contact.close_gaps(1.0 / PARTS)
             self._newton(record, ROUGH)
         contact.close_gaps(1.0 / PARTS if gradually else 1.0)
-        self._newton(record, ROUGH if self.is_rough else 1.0)
+        self._newton(record, PASSING if self.is_rough else None)
         moved = np.abs(model.forces()[:, 2] - before) / np.maximum(before, 0.1 * before.max())
         if moved.max() > SPURIOUS:
             raise NotConverged("the equilibrium found has other normal forces than the state that it started from")
@@ -276,11 +276,11 @@ class LoadPath:
         contact.set_penalties(penalties(self.problem, contact.balls, contact.approaches))
         contact.turning.value = float(not is_stable(self.problem, contact.balls, contact.approaches))
 
-    def _newton(self, record: StepRecord, rough: float = 1.0, keeps: bool = False) -> None:
+    def _newton(self, record: StepRecord, residual: float | None = None, keeps: bool = False) -> None:
         """Find equilibrium; ``keeps``: begin with the last tangent, which is near enough. Raises `NotConverged`."""
         pressed = zip(self.model.contact.balls, self.model.contact.approaches, strict=True)
         scale = max(alone(self.problem, ball, approach=a).normal_force for ball, a in pressed)
-        done = self.solver.solve(rough * RESIDUAL, scale, record.fraction, keeps)
+        done = self.solver.solve(residual or self.residual, scale, record.fraction, keeps)
         record.newton_iterations += done.iterations
         record.augmentation_iterations += done.iterations * self.model.contact.is_augmented
         record.tangents += done.tangents

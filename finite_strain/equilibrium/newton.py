@@ -65,7 +65,7 @@ class NewtonSolver:
         if refused:
             raise InvalidProblem(
                 f"PETSC_OPTIONS or solver_options: -{PREFIX}{refused[0]} is not taken: Newton's method ends where the "
-                f"residual is 1e-9 of the normal force, got {given[refused[0]]}; leave it out"
+                f"residual suits the accuracy of T (1e-9 to 1e-7 of Q), got {given[refused[0]]}; leave it out"
             )
         self.choice = choose_for(model)
         self._options = {**_OPTIONS, **self.choice.options}

@@ -17,11 +17,11 @@ from finite_strain import one_discretisation
 from finite_strain.accuracy.answer import MOST
 from finite_strain.accuracy.error_budget import enforcement
 from finite_strain.contact.contact_energy import Penalised
-from finite_strain.equilibrium.load_path import DOUBLINGS, RESIDUAL, LoadPath, State, StepRecord
+from finite_strain.equilibrium.load_path import DOUBLINGS, EXACT, LoadPath, State, StepRecord
 from finite_strain.geometry.estimates import PENETRATION
 from finite_strain.one_discretisation import LARGEST_PENETRATION, ROUNDS, STIFFER, MeshRun
 from finite_strain.planning.records import Record, save_records, saved_records
-from finite_strain.refinement_loop import Refinement
+from finite_strain.refinement_loop import LOOSE, Refinement
 from linear_bem import NotConverged
 from tests.finite_strain.scenes import (
     COARSER,
@@ -156,7 +156,7 @@ def test_a_step_begins_with_the_penalties_asked_ahead_unless_that_fails(
     rig.path.ahead, rig.path.is_rough = STIFFER**ROUNDS, True
     (record,) = rig.path.steps([1.0], lambda _: good)
     assert record.augmented
-    exact = RESIDUAL * known.normal_forces().max()
+    exact = EXACT * known.normal_forces().max()
     assert record.residual > exact
     assert rig.run.enforce(record) == ROUNDS  # those from the start count
     assert record.residual <= exact
@@ -192,18 +192,31 @@ def test_a_rough_state_ends_exact_even_where_stiffer_penalties_find_no_equilibri
     *_, record = rig.press()
     rig.path.is_rough = True
     assert rig.path.augment(record)
-    kept, newton, exact = rig.model.contact.penalties, rig.path._newton, RESIDUAL * rig.normal_forces().max()
+    kept, newton, exact = rig.model.contact.penalties, rig.path._newton, EXACT * rig.normal_forces().max()
     assert record.residual > exact
 
-    def only_as_soft(record: StepRecord, rough: float = 1.0, keeps: bool = False) -> None:
-        if keeps and rough == 1.0:
+    def only_as_soft(record: StepRecord, residual: float | None = None, keeps: bool = False) -> None:
+        if keeps and residual is None:
             raise NotConverged("Newton's method stopped")
-        newton(record, rough, keeps)
+        newton(record, residual, keeps)
 
     monkeypatch.setattr(rig.path, "_newton", only_as_soft)
     assert rig.path.stiffen(record, STIFFER, 1) == 0
     assert rig.model.contact.penalties == relatively(kept, 1e-12)
     assert record.residual <= exact
+
+
+def test_the_residual_accepted_changes_t_by_far_less_than_itself(tmp_path: Path) -> None:
+    found = []
+    for residual in (EXACT, LOOSE):
+        rig = quadratic_rig(pair(0.2, poisson=0.3), tmp_path, ONE_LOAD)
+        rig.path.residual = residual
+        *_, last = rig.press()
+        assert rig.path.augment(last)
+        assert last.residual <= rig.solver.tolerance == relatively(residual * rig.normal_forces().max(), 0.1)
+        found.append((rig.run.state(1.0).tangential_force[0, 0], last.newton_iterations))
+    assert abs(found[1][0] - found[0][0]) < 0.1 * LOOSE * rig.normal_forces().max()
+    assert found[1][1] < found[0][1]
 
 
 def test_a_path_that_began_with_another_meshs_states_and_ends_early_is_taken_again(

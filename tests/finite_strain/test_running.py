@@ -19,6 +19,7 @@ from finite_strain.accuracy.error_budget import SLOWEST
 from finite_strain.output.field_catalogue import CATALOGUE
 from finite_strain.planning.records import NAME, Discretisation
 from finite_strain.planning.run_plan import plan_run
+from finite_strain.refinement_loop import LOOSE, SHARE
 from linear_bem import Load
 from tests.finite_strain.press import ACCURACY, STEPS
 from tests.finite_strain.scenes import COARSER, LIGHT, Recorder, at_small_strain, light_pair, relatively
@@ -83,10 +84,12 @@ def test_the_answer_meets_the_linear_model_under_light_load(result: Any) -> None
 
 def test_contact_forces_equal_the_reaction_of_the_base(result: Any) -> None:
     for step in result.steps:
-        # solver: the residual is closed to 1e-9 of the normal force
+        # solver: the residual is closed to 1e-7 of the normal force, or less where T is weaker
         assert step.record["force_balance"] <= 1e-7
         assert 0.0 < step.record["penetration"] < 0.03 * LIGHT
-        assert step.record["residual"] < 1e-8 * step.balls[0].normal_force
+        load, pull = step.balls[0].normal_force, abs(step.balls[0].tangential_force[0])
+        assert step.record["residual"] <= step.record["tolerance"]
+        assert step.record["tolerance"] == relatively(min(LOOSE * load, SHARE * ACCURACY * pull), 0.2)
         assert step.record["pair_weight"] == [1.0, 1.0]
         assert 0 < step.record["tangents"] <= step.record["iterations"]
         assert step.record["augmentation_iterations"] == step.record["iterations"]  # with multipliers from the start
