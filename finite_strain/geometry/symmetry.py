@@ -17,8 +17,8 @@ WIDEST = 2.0
 """Largest distance from the axis at which a round body without an edge may touch, over its radius or contact radius."""
 _SAME = 1e-9
 """Relative tolerance within which positions and values count as mirror images."""
-_SAMPLES, _GOLDEN = np.arange(200), math.pi * (3.0 - math.sqrt(5.0))
-"""Numbers of the points where a body is compared with its mirror image, and the angle between two: they fill a disc."""
+_SAMPLES, _GOLDEN = np.arange(5000), math.pi * (3.0 - math.sqrt(5.0))
+"""Numbers of the points where a body is compared with its mirror image, and the angle between two."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,8 @@ def reduce_scene(problem: Problem, planes: tuple[int, ...] | None = None) -> Red
 def _is_mirror(
     problem: Problem, values: tuple[float, ...], reaches: list[float], local: np.ndarray, axis: int, angle: float
 ) -> bool:
-    if not all(_is_even(ball, reach, axis, angle) for ball, reach in zip(problem.balls, reaches, strict=True)):
+    bodies = {(known_shape(ball), reach) for ball, reach in zip(problem.balls, reaches, strict=True)}
+    if not all(_is_even(body, reach, axis, angle) for body, reach in bodies):
         return False
     size = max(float(np.ptp(local)), *(ball.radius for ball in problem.balls))
     others, mirrored = list(zip(problem.balls, values, local, strict=True)), local * (1.0 - 2.0 * np.eye(2)[axis])
@@ -148,16 +149,17 @@ def _is_mirror(
     )
 
 
-def _is_even(ball: Ball, reach: float, axis: int, angle: float) -> bool:
+def _is_even(body: str | Indenter, reach: float, axis: int, angle: float) -> bool:
     """Return whether a body within its reach is its own mirror image along an axis of a frame turned by ``angle``."""
-    if not isinstance(ball.shape, Indenter):
+    if isinstance(body, str):
         return True
-    spiral = reach * np.sqrt((_SAMPLES + 0.5) / len(_SAMPLES)) * np.exp(1j * _GOLDEN * _SAMPLES)
+    # densest near the axis: a long body reaches far beyond the details of its contact
+    spiral = reach * ((_SAMPLES + 0.5) / len(_SAMPLES)) ** 2 * np.exp(1j * _GOLDEN * _SAMPLES)
     points = np.column_stack([spiral.real, spiral.imag])
     images = points * np.where(np.arange(2) == axis, -1.0, 1.0)
     c, s = math.cos(angle), math.sin(angle)
     turn = np.array([[c, -s], [s, c]])
-    here, there = (np.asarray(ball.shape.height(*(turn @ where.T))) for where in (points, images))
+    here, there = (np.asarray(body.height(*(turn @ where.T))) for where in (points, images))
     return bool(np.allclose(here, there, rtol=1e-9, atol=1e-12 * reach))
 
 

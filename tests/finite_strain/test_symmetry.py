@@ -137,6 +137,15 @@ def test_a_long_body_may_touch_up_to_its_ends_and_is_expected_to_touch_alike_in_
     assert reduce_scene(thin).balls[0].reach > 3.0 * math.sqrt(1.0 - (1.0 - 0.4 / 1.5) ** 2)
 
 
+def test_a_plane_does_not_mirror_a_small_bump_near_the_axis_of_a_long_body() -> None:
+    def bumped(x: Any, y: Any) -> Any:
+        return roller(0.0)(x, y) + 0.02 * np.maximum(0.0, 1.0 - ((x - 0.5) ** 2 + (y - 0.1) ** 2) / 0.01) ** 2
+
+    for profile, planes in ((bumped, ()), (roller(0.0), (0, 1))):
+        problem = scene((Ball((0.0, 0.0), 0.25, profile),), Load("approach", (0.08,)))
+        assert reduce_scene(with_expressions(problem)).planes == planes
+
+
 def test_a_round_body_may_touch_up_to_twice_its_expected_contact_on_a_soft_base_too() -> None:
     cone = balls_at((0.0, 0.0), shape=Cone(math.radians(20.0), 0.1))
     problem = on_layer(cone, Load("approach", (0.5,)), substrate=Elastic(0.05, 0.3))
