@@ -48,21 +48,20 @@ def radius_seen(shape: str | Indenter, radius: float, approach: float) -> float:
     """Return the radius [m] of the paraboloid with the same section by the undeformed surface at an approach [m]."""
     indenter, unit = (NAMED[shape], radius) if isinstance(shape, str) else (shape, 1.0)
     depth = approach / unit
-    end = _end(indenter, depth)
-    cuts = section_edge(indenter, depth, 1.0, end), section_edge(indenter, depth, 1j, end)
+    cuts = section_edge(indenter, depth, 1.0), section_edge(indenter, depth, 1j)
     if not isinstance(shape, str):
         heights = _heights_around(indenter, max(cuts))
         longer = -np.mean(heights * _AROUND**2)
         if abs(longer) > _LONG * np.mean(heights):  # not along x and y, but along the body and across
             along = cmath.sqrt(longer / abs(longer))
-            cuts = section_edge(indenter, depth, along, end), section_edge(indenter, depth, 1j * along, end)
+            cuts = section_edge(indenter, depth, along), section_edge(indenter, depth, 1j * along)
     return unit * cuts[0] * cuts[1] / (2.0 * depth)
 
 
-def section_edge(indenter: Indenter, depth: float, way: complex, end: float) -> float:
-    """Return how far [m] a body's section by a plane at a ``depth`` [m] extends from the axis, at most to ``end`` [m].
+def section_edge(indenter: Indenter, depth: float, way: complex) -> float:
+    """Return how far [m] a body's section by a plane at a ``depth`` [m] extends from the axis.
 
-    ``way`` is the direction x + iy, a complex number of length one.
+    ``way`` is the direction x + iy, a complex number of length one. Raises `InvalidProblem` if the section has no end.
     """
 
     def above(r: float) -> float:
@@ -75,7 +74,16 @@ def section_edge(indenter: Indenter, depth: float, way: complex, end: float) -> 
             )
         return float(height) - depth
 
-    return float(brentq(above, 0.0, end)) if above(end) > 0.0 else end
+    end = _end(indenter, depth)
+    if (rise := above(end)) > 0.0:
+        return float(brentq(above, 0.0, end))
+    if end < indenter.reach:
+        raise InvalidProblem(
+            f"balls.shape: {type(indenter).__name__}.height must exceed the approach, {depth:.3g} m, far from the "
+            f"axis, got {rise + depth:.3g} m at (x, y) = ({end * way.real:.3g}, {end * way.imag:.3g}) m; give a "
+            "long body ends that rise, or the property reach"
+        )
+    return end
 
 
 def _heights_around(indenter: Indenter, r: float) -> np.ndarray:

@@ -265,12 +265,12 @@ def _extent(ball: Ball, state: Indentation, x: float, y: float) -> float:
 
     It has the shape of the body's section by the undeformed surface.
     """
-    shape, far = known_shape(ball), math.hypot(x, y)
+    shape = known_shape(ball)
     if isinstance(shape, str):
         return state.contact_radius
     if edge_of(shape):
         return 0.0
-    width = section_edge(shape, state.approach, complex(x, y) / far, min(shape.reach, far))
+    width = section_edge(shape, state.approach, complex(x, y) / math.hypot(x, y))
     round_one = math.sqrt(2.0 * state.approach * radius_seen(shape, ball.radius, state.approach))
     return state.contact_radius * width / round_one
 

@@ -176,6 +176,9 @@ def test_forces_on_long_bodies_are_refused_where_their_contacts_meet_along_the_l
     plan_run(side_by_side, 0.1, "finite_strain")  # round contacts of equal area have a radius of 0.4
     with pytest.raises(UnsupportedProblem, match=r"extend about (.*) and \1 m towards each other, .* distance of 0\.7"):
         plan_run(in_a_row, 0.1, "finite_strain")
+    beyond = pair(Load("force", (0.2, 1e-5)), distance=0.9, shape=Long())  # one contact passes the other's axis
+    with pytest.raises(UnsupportedProblem, match=r"extend about 1\.58 and 0\.0598 m towards each other"):
+        plan_run(beyond, 0.1, "finite_strain")
 
 
 def test_a_path_of_forces_ends_with_its_key_where_the_layer_ends(tmp_path: Path) -> None:

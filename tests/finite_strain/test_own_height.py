@@ -22,7 +22,7 @@ from finite_strain.refinement_loop import Refinement
 from linear_bem import InvalidProblem, UnsupportedProblem, solve
 from linear_bem.dual import SLOPES, Dual
 from linear_bem.indenter import Indenter
-from tests.finite_strain.scenes import COARSER, at_small_strain, coarse_plan, coarse_rig, pair
+from tests.finite_strain.scenes import COARSER, at_small_strain, coarse_plan, coarse_rig, pair, single
 
 
 class Bowl(Indenter):
@@ -143,6 +143,23 @@ def levelling_off(x: Any, y: Any) -> Any:
 def test_a_function_that_does_not_rise_ever_steeper_is_refused(function: Any) -> None:
     with pytest.raises(UnsupportedProblem, match=rf"balls\.shape: {function.__name__} must rise from the axis"):
         finite_strain.plan(pair(0.1, shape=function))
+
+
+def endless(x: Any, y: Any) -> Any:
+    return 0.25 * (x - y) ** 2 + 0.0 * x
+
+
+class LevellingOff(Bowl):
+    """A body that is nowhere higher than 0.05 m."""
+
+    def height(self, x: Any, y: Any) -> Any:
+        return levelling_off(x, y)
+
+
+@pytest.mark.parametrize("shape", [endless, LevellingOff()])
+def test_a_body_whose_section_has_no_end_is_refused(shape: Any) -> None:
+    with pytest.raises(InvalidProblem, match=r"height must exceed the approach, 0\.1 m, .* give a long body ends"):
+        finite_strain.plan(single(0.1, shape=shape))
 
 
 def test_a_run_of_an_own_function_or_class_is_never_resumed(tmp_path: Path) -> None:
