@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from finite_strain.geometry.estimates import section_edge
 from finite_strain.geometry.symmetry import ModelBall
 from linear_bem.errors import InvalidProblem
 
@@ -74,11 +75,16 @@ def choice_faults(names: Sequence[str], every: int) -> list[str]:
 
 
 def outline(ball: ModelBall) -> np.ndarray:
-    """Return points (directions, radii, 3) [m] of a body from its apex, in the scene's axes; nan for a named shape."""
+    """Return points (directions, radii, 3) [m] of a body from its apex, in the scene's axes; nan for a named shape.
+
+    A body without an edge ends at the height of the lowest point at its reach.
+    """
     angles = np.linspace(0.0, 2.0 * np.pi, 97)[:, None] + np.pi / 96.0  # none along x: a picture is cut there
     shares = np.sin(0.5 * np.pi * np.linspace(0.0, 1.0, 41))
     if isinstance(ball.shape, str):
         return np.full((len(angles), len(shares), 3), np.nan)
-    edge = np.array([ball.shape.half_width(np.cos(a), np.sin(a)) or ball.reach for a in angles[:, 0]])[:, None]
-    x, y = edge * shares * np.cos(angles), edge * shares * np.sin(angles)
-    return np.stack([x, y, np.broadcast_to(ball.shape.height(x, y), x.shape)], axis=2)
+    body, ways = ball.shape, np.exp(1j * angles)
+    level = float(np.min(body.height(ball.reach * ways.real, ball.reach * ways.imag)))
+    edge = [[body.half_width(way.real, way.imag) or section_edge(body, level, way)] for way in ways[:, 0]]
+    x, y = edge * shares * ways.real, edge * shares * ways.imag
+    return np.stack([x, y, np.broadcast_to(body.height(x, y), x.shape)], axis=2)

@@ -16,6 +16,7 @@ from finite_strain.geometry.symmetry import ModelBall
 from finite_strain.output.field_catalogue import outline
 from linear_bem import Ball, Cone, Layer, Load, Problem, Punch
 from linear_bem.errors import InvalidProblem, OutputUnusable
+from linear_bem.indenter import HeightFunction
 from runs.commands import render
 from runs.commands.render import RenderOptions, read_size, render_run
 from runs.display.numbers import Scale
@@ -163,6 +164,14 @@ def test_a_body_that_is_no_ball_is_drawn_as_it_is(run: Path, tmp_path: Path) -> 
     punch = outline(ModelBall(0, (0.0, 0.0), 1e-3, Punch(1e-3, 1e-4), 1, (), reach=1e-3))
     assert punch[..., 2].max() == pytest.approx(1e-4, rel=1e-3)
     assert np.isnan(outline(ModelBall(0, (0.0, 0.0), 1.0, "sphere", 1, ()))).all()
+
+
+def test_a_long_body_without_an_edge_is_drawn_to_its_reach_and_not_to_the_sky() -> None:
+    long = HeightFunction(0.25, lambda x, y: (x / 4.0) ** 8 + 2.0 * y**2)
+    length, width, height = np.ptp(outline(ModelBall(0, (0.0, 0.0), 0.25, long, 1, (), reach=3.0)), axis=(0, 1))
+    assert length == pytest.approx(6.0, rel=0.01)
+    assert width == pytest.approx(2.0 * math.sqrt(0.5 * height))
+    assert 0.1 < height < 0.13  # 18 m three metres beside the axis
 
 
 def test_what_cannot_be_drawn_is_refused_in_plain_words(run: Path, tmp_path: Path) -> None:
