@@ -77,7 +77,7 @@ def drifted(count: int) -> tuple[list[Contact], dict[str, Any]]:
     columns = next(k for k in range(int(np.sqrt(count)), 0, -1) if count % k == 0)
     rows, rng = count // columns, np.random.default_rng(1)
     x = lattice(columns, rows, SPACING) + rng.uniform(-SHAKEN, SHAKEN, (count, 2))
-    cell, law = SPACING * np.array([columns, rows]), pair_law(THICKNESS)
+    cell, law = SPACING * np.array([columns, rows]), pair_law(THICKNESS, APPROACH, finite=False)
     problem = Problem(
         Layer(1.0, POISSON, THICKNESS), tuple(Ball(tuple(p), 1.0) for p in x), Load("approach", (APPROACH,) * count)
     )

@@ -30,10 +30,13 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr(cases, "MODEL", "point_load")
         patch.setattr(cases, "GATHERING", 0.03)
         patch.setattr(cases, "PARTING", 0.4)
+        cases.pair_law.cache_clear()
         folder.joinpath("out", "cases").mkdir(parents=True)
         for case in CASES:
             cases.evolve(case, folder / "out" / "cases")
         studies.run_study("collective", studies.Options(quick=True, out=folder / "out", tables=True))
+        assert cases.pair_law.cache_info().misses == len(CASES)
+        cases.pair_law.cache_clear()  # of another model
     return folder / "out"
 
 
@@ -43,6 +46,7 @@ def test_starts_are_random_without_overlap_and_the_same_again() -> None:
     balls = HardBalls(np.ones(case.count), np.array([case.length] * 2))
     assert len(balls.near(x, -1e-9)) == 0
     assert case.count * np.pi / case.length**2 == pytest.approx(0.5)
+    cases._placed.cache_clear()
     assert np.array_equal(x, cases.random_start(case))
     assert not np.allclose(x, cases.random_start(dataclasses.replace(case, seed=8)))
 
@@ -107,7 +111,7 @@ def test_a_run_under_other_settings_is_neither_shown_nor_continued_and_fresh_rep
             write_csv(self.folder.path / "structure.csv", [row | {"hexatic_local": 0.0}])
             self.folder.save({"rest": {"at_rest": False}, "solved": dict.fromkeys(SOLVED, 1.0)}, [])
 
-    monkeypatch.setattr(cases, "pair_law", lambda *_: law)
+    monkeypatch.setattr(cases, "pair_law", lambda *_, finite: law)
     monkeypatch.setattr(cases, "Evolution", Evolving)
     cases.evolve(case, tmp_path)
     law = dataclasses.replace(law, largest=law.largest * (1.0 + 1e-12))
@@ -144,7 +148,7 @@ def test_a_uniform_lattice_is_unstable_where_layers_gather(
     thickness: float, fraction: float, grows: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(cases, "MODEL", "point_load")
-    law = cases.pair_law(thickness)
+    law = cases.pair_law(thickness, cases.APPROACH, finite=False)
     wave = law.wave(fraction)
     assert wave is not None
     assert (wave.rate > 0.05) == grows

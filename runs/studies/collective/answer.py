@@ -58,7 +58,7 @@ def page(folder: Path, quick: bool) -> str:
     write_csv(folder / "collective.csv", [{**done.row, "outcome": done.outcome} for done in there])
     deep = [done for done in there if done.case.approach == cases.DEEP]
     found = [done for done in there if done not in deep]
-    laws = {h: cases.pair_law(h) for h in sorted({done.case.thickness for done in found})}
+    laws = {h: cases.pair_law(h, cases.APPROACH, finite=False) for h in sorted({done.case.thickness for done in found})}
     if found:
         free = [done for done in found if done.case.rolling == 0.0]
         pictures.draw_map(folder, free, laws)

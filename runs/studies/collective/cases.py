@@ -124,7 +124,7 @@ class PairLaw:
 
 
 @cache
-def pair_law(thickness: float, approach: float = APPROACH, *, finite: bool = False) -> PairLaw:
+def pair_law(thickness: float, approach: float, *, finite: bool) -> PairLaw:
     """Return the pair law of two balls on a layer; T > 0 attracts."""
     balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
     effect = FiniteStrain() if finite else None
@@ -193,6 +193,10 @@ lengths = [{case.length!r}, {case.length!r}]
 """
 
 
+def _text_of(case: Case) -> str:
+    return scene_text(case, pair_law(case.thickness, case.approach, finite=False))
+
+
 def _is_scene(file: Path, text: str) -> bool:
     """Return whether a file holds this scene, to six digits: a table of pairs that is made again changes the last."""
     saved = file.read_text(encoding="utf-8") if file.exists() else ""
@@ -203,7 +207,7 @@ def _is_scene(file: Path, text: str) -> bool:
 def evolve(case: Case, folder: Path, *, fresh: bool = False) -> None:
     """Complete a run; resumable. A run under other settings is refused, or replaced if ``fresh``."""
     file = folder / f"{case.name}.toml"
-    text = scene_text(case, pair_law(case.thickness, case.approach))
+    text = _text_of(case)
     if not _is_scene(file, text):
         write_text(file, text)
     with open_session(
@@ -234,8 +238,7 @@ class Finished:
 def read(case: Case, folder: Path) -> Finished | None:
     """Return a run, complete or not; None if it has not begun under the present settings."""
     document = read_json(folder / case.name / "result.json")
-    text = scene_text(case, pair_law(case.thickness, case.approach)) if document else ""
-    if document is None or not _is_scene(folder / case.name / "scene.toml", text):
+    if document is None or not _is_scene(folder / case.name / "scene.toml", _text_of(case)):
         return None
     rows = read_csv(folder / case.name / "structure.csv", float)
     first, last, solved = rows[0], rows[-1], document["solved"]
