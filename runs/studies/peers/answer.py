@@ -90,7 +90,7 @@ def _law_file(folder: Path, law: str, code: str, size: str) -> Path:
 def _answer(file: Path, arguments: Sequence[str]) -> dict[str, Any] | None:
     """Return the saved answer of a case; None if its law, scene or script has changed since (if the answer says so)."""
     found = read_json(file)
-    return found if found is not None and found.get("key", _key(arguments)) == _key(arguments) else None
+    return found if found is not None and found.get("key") in (None, _key(arguments)) else None
 
 
 def _key(arguments: Sequence[str]) -> str:
