@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from linear_bem.arrays import Array
+from linear_bem.error_estimate import LEAST
 from linear_bem.errors import NotConverged
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import smooth_state
@@ -54,8 +55,8 @@ class ContactSequence:
 
     ``accuracy`` of T is relative, as in `linear_bem.solve`. A state is accepted if its error estimate (difference
     of the two formulas for T, square of the drift since linearisation, a tenth of the gap over a body's own dent,
-    residual) and its gap over approach are within the accuracy; the equations are linearised again after too large
-    a drift. Other scenes are solved cold, by polynomials of the lowest sufficient degree, else by
+    residual, the kernel's table) and its gap over approach are within the accuracy; the equations are linearised again
+    after too large a drift. Other scenes are solved cold, by polynomials of the lowest sufficient degree, else by
     `linear_bem.solve_contact`; so are scenes with an unloaded ball or another layer, substrate, radius, shape, cell
     or kind of load.
 
@@ -147,7 +148,8 @@ class ContactSequence:
         pulls = half_space_pulls(contacts.kernel, places, forces)
         size = max(float(np.max(np.abs(state.mutual_force), initial=0.0)), 1e-4 * float(np.max(pulls)), 1e-300)
         routes = np.max(np.abs(state.mutual_force - state.slope_force), axis=1)
-        error = routes + (state.drift**2 + GAP_SHARE * state.gap_share + TOLERANCE * self.accuracy) * size
+        shares = state.drift**2 + GAP_SHARE * state.gap_share + TOLERANCE * self.accuracy
+        error = routes + shares * size + LEAST * pulls
         if gap > self.accuracy or float(np.max(error)) > self.accuracy * size:
             return None
         whole = problem.size

@@ -22,7 +22,7 @@ from linear_bem.smooth.multipole import disc_nodes, interpolation
 from linear_bem.smooth.newton import Nodes, Rule, own_displacement, solve_grouped
 from linear_bem.smooth.zone import Zone
 
-NEAR_DEGREE, FAR_DEGREE = 10, 4
+NEAR_DEGREE, FAR_DEGREE = 10, 6
 """Degrees of interpolation between close and far contacts."""
 FAR = 5.0
 """Distance of axes over the sum of contact radii beyond which contacts are far."""

@@ -57,6 +57,7 @@ def test_warm_answers_equal_cold_ones_within_the_accuracy(load):
     ("other", "layer", "approaches"),
     [
         pytest.param(Ball((2.3, 0.0), 0.8), Layer(1.0, 0.48, 2.0), (0.2, 0.05), id="distant"),
+        pytest.param(Ball((4.0, 0.0), 0.5), Layer(1.0, 0.0, 2.0), (0.14, 0.1), id="hardly any T"),
         pytest.param(Ball((2.0, 0.0), shape=Cone(0.5, 0.02)), Layer(1.0, 0.48, 8.0), (0.462, 0.0475), id="light"),
     ],
 )
