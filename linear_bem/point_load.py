@@ -9,6 +9,7 @@ the approach minus the point-load displacement by the neighbours (`linear_bem.co
 is the next terms of the multipole series and an allowance for all later ones: the first moments, as a ball of radius R
 on a slope s touches R s aside of its axis, and (a_i^2 + a_j^2)/10 times the Laplacian of K for Hertz's pressure (on
 ellipses with semi-axes a > b, at most (a^2 + b^2)/20 times the Laplacian and (a^2 - b^2)/20 times K'' - K'/r per ball).
+Unless forces are given, these terms also change the approach that the neighbours leave to a ball, and so its force.
 """
 
 import time
@@ -34,6 +35,9 @@ LATER_TERMS = 4.0
 
 The full model gives at most 3 on layers of 0.6 R and 1.16 R up to D = 0.3 R and 0.5 R; less on thicker ones.
 """
+
+STEEPEST = 3.0
+"""Largest exponent of a ball's force over its approach: that of a thin incompressible layer; 1.5 on a half-space."""
 
 FLAT_END = 5.0 / 3.0
 """Second moment of the pressure under a flat punch over that under a ball (Hertz), of equal force and contact area."""
@@ -120,7 +124,7 @@ def solve_point_load(problem: Problem) -> Result:
     singles, state = _coupled(problem, mutual)
     touch = [s.area_and_peak(v) for s, v in zip(singles, state.forces, strict=True)]
     areas = np.array([area for area, _ in touch])
-    force, error = _law(problem, kernel, distance, state.forces, areas)
+    force, error = _law(problem, kernel, distance, state, areas)
     balls = tuple(
         BallResult(
             position=ball.position,
@@ -183,39 +187,55 @@ def _singles(problem: Problem, rough: Array) -> list[_Single]:
     return [out[i] for i in range(problem.size)]
 
 
-def _law(problem: Problem, kernel: LayeredKernel, distance: Array, q: Array, area: Array) -> tuple[Array, Array]:
+def _law(
+    problem: Problem, kernel: LayeredKernel, distance: Array, state: PointState, area: Array
+) -> tuple[Array, Array]:
     """Return T [N] of every ball, shape (balls, 2), and the size of the neglected terms [N]."""
+    q, r = state.forces, np.where(np.isfinite(distance), distance, 1.0)
+    pull = -kernel.slope(r)
     products = np.outer(q, q)
     np.fill_diagonal(products, 0.0)
-    r = np.where(np.isfinite(distance), distance, 1.0)
     towards = (problem.positions - problem.positions[:, None]) / r[:, :, None]
-    force = -np.einsum("ij,ijk->ik", products * kernel.slope(r), towards)
+    force = np.einsum("ij,ijk->ik", products * pull, towards)
     flat = np.array([moments(ball, part) for ball, part in zip(problem.balls, area, strict=True)])
     sloped = on_slopes(flat, q, force)
-    return force, np.sum(products * neglected(next_terms(kernel, r), r, sloped[:, None] + sloped), axis=1)
+    error, left = neglected(next_terms(kernel, r), r, pull, sloped[:, None] + sloped)
+    if problem.load.kind != "force":
+        np.fill_diagonal(left, 0.0)
+        share = unsure(left @ q, state.effective)
+        error = error + np.abs(pull) * (share[:, None] + share)
+    return force, np.sum(products * error, axis=1)
 
 
-def neglected(terms: Array, r: Array, sums: Array) -> Array:
-    """Return the neglected part of T at distances ``r`` [m] over the product of both forces [1/N].
+def neglected(terms: Array, r: Array, pull: Array, sums: Array) -> tuple[Array, Array]:
+    """Return the neglected parts of T over both forces [1/N] and of the displacement over the force [m/N].
 
-    ``terms`` are the `next_terms` there; ``sums``, of the shape of ``r`` and 3, add both contacts' `moments`
-    `on_slopes`.
+    At distances ``r`` [m]; ``terms`` are the `next_terms` there, ``pull`` is -K' [1/N]; ``sums``, of the shape of ``r``
+    and 3, add both contacts' `moments` `on_slopes`.
     """
     mean, apart, shift = np.moveaxis(sums, -1, 0)
-    total = terms[0] * mean / 10.0 + terms[1] * apart / 10.0
-    return np.asarray(total * (1.0 + LATER_TERMS * (mean + apart) / r**2) + terms[2] * shift)
+    later = 1.0 + LATER_TERMS * (mean + apart) / r**2
+    of_pull, of_surface = ((terms[k] * mean + terms[k + 1] * apart) * later / 10.0 for k in (0, 2))
+    return of_pull + 0.5 * (terms[2] + terms[3]) * shift, of_surface + np.abs(pull) * shift
+
+
+def unsure(left: Array, effective: Array) -> Array:
+    """Return the relative error of forces, given that of their ``effective`` approaches [m]; 0 without force."""
+    return STEEPEST * np.divide(left, effective, out=np.zeros_like(effective), where=effective > 0.0)
 
 
 def next_terms(kernel: LayeredKernel, r: Array) -> Array:
-    """Return the sizes at distances ``r`` [m] that the `moments` multiply [1/(N m^2), 1/(N m)], 3 and r's shape."""
+    """Return the sizes at distances ``r`` [m] that the `moments` multiply, shape 4 and that of r.
+
+    Slopes of K'' + K'/r and K'' - K'/r [1/(N m^2)], and these [1/(N m)]; half of their sum is the larger of K'', K'/r.
+    """
     step = 1e-3 * r
 
     def bent(r: Array) -> Array:
         bend, ratio = (kernel.slope(r + step) - kernel.slope(r - step)) / (2.0 * step), kernel.slope(r) / r
         return np.stack([bend + ratio, bend - ratio])
 
-    second = np.abs(bent(r + step) - bent(r - step)) / (2.0 * step)
-    return np.stack([*second, np.sum(np.abs(bent(r)), axis=0) / 2.0])  # the larger of |K''| and |K'|/r
+    return np.abs(np.concatenate([(bent(r + step) - bent(r - step)) / (2.0 * step), bent(r)]))
 
 
 def on_slopes(flat: Array, normal: Array, tangential: Array) -> Array:

@@ -28,7 +28,7 @@ from linear_bem.coupled_point_loads import effective_approaches
 from linear_bem.errors import NotConverged
 from linear_bem.far_field.coupled_system import Influence
 from linear_bem.layer.kernel import LayeredKernel
-from linear_bem.point_load import neglected, next_terms, on_slopes
+from linear_bem.point_load import neglected, next_terms, on_slopes, unsure
 from linear_bem.problem import Problem
 from linear_bem.touching import wrapped
 from runs.evolution.forces import State
@@ -113,18 +113,20 @@ class PairLaw:
         length = 1.0 / (2.0 / distance + 1.0 / self._thickness)
         return value, -slope, np.hypot(value, length * slope), np.hypot(slope, length * bend)
 
-    def error(self, distance: Array, moments: Array) -> Array:
-        """Return the error of pull [1/N] at distances [m]: linear between given ones, as 1/L^2 beyond the last.
+    def errors(self, distance: Array, pull: Array, moments: Array) -> tuple[Array, Array]:
+        """Return the errors of pull [1/N] and influence [m/N] at distances [m].
 
+        That of pull is linear between given ones, as 1/L^2 beyond the last, and contains that of influence.
         ``moments`` (pairs, 3) are the sums of both balls' `SingleBall.moments`, `on_slopes`.
         """
+        none = np.zeros(distance.shape)
         if self._terms is not None:
             terms = np.stack([np.interp(distance, self._far, row) for row in self._terms])
-            return neglected(terms, distance, moments)
+            return neglected(terms, distance, pull, moments)
         if self._errors is None:
-            return np.zeros(distance.shape)
+            return none, none
         at, errors = self._errors
-        return np.asarray(np.interp(distance, at, errors) * np.minimum(1.0, at[-1] / distance) ** 2)
+        return np.asarray(np.interp(distance, at, errors) * np.minimum(1.0, at[-1] / distance) ** 2), none
 
     def __call__(self, distance: Array) -> tuple[Array, Array]:
         """Return k and c at distances [m], any shape; 0 at infinite ones."""
@@ -199,8 +201,11 @@ class PairForces:
         if self._waves is not None:
             tangential += normal[:, None] * self._waves.slope(points, normal)
         moments = on_slopes(self._moments, normal, tangential)
-        errors = self.law.error(distance, moments[pairs.first] + moments[pairs.second])
-        own = normal * (pairs.matrix(np.where(distance < self.reach, errors, 0.0)) @ normal)
+        errors, left = self.law.errors(distance, pull, moments[pairs.first] + moments[pairs.second])
+        inside = distance < self.reach
+        share = unsure(pairs.matrix(np.where(inside, left, 0.0)) @ normal, effective)
+        errors = errors + np.abs(pull) * (share[pairs.first] + share[pairs.second])
+        own = normal * (pairs.matrix(np.where(inside, errors, 0.0)) @ normal)
         error = self.share * np.max(np.hypot(*tangential.T)) + np.max(own)
         return State(tangential, normal, np.full(len(normal), error))
 

@@ -111,6 +111,14 @@ def test_the_error_estimate_of_the_point_load_law_holds_on_a_soft_base_where_con
     assert law.tangential_force_error < 0.05 * law.tangential_force[0]
 
 
+def test_the_error_estimate_of_the_point_load_law_contains_that_of_the_force_on_a_ball_in_the_dent_of_another():
+    balls = (Ball((0.0, 0.0), 1.0), Ball((2.3, 0.0), 1.0))
+    problem = Problem(Layer(1.0, 0.5, 1.16), balls, Load("approach", (0.15, 0.06)), Elastic(0.07, 0.3))
+    exact, law = solve(problem, 1e-3).balls[0], solve_point_load(problem).balls[0]
+    assert abs(law.tangential_force[0] - exact.tangential_force[0]) <= law.tangential_force_error
+    assert law.tangential_force_error < 0.2 * law.tangential_force[0]
+
+
 @pytest.mark.parametrize("aspect", [1.5, 3.0])
 def test_the_error_estimate_of_the_point_load_law_holds_for_ellipsoids(aspect):
     body = Ellipsoid((aspect, 1.0, 1.0))

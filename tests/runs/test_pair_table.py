@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from linear_bem import Ball, Elastic, Layer, Load, Problem, Result, solve, solve_point_load
-from linear_bem.coupled_point_loads import estimated_relations
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.problem import FiniteStrain
 from linear_bem.result import BallResult, Solved
@@ -134,15 +133,24 @@ def test_the_error_of_t_includes_that_of_the_pairs(tmp_path: Path) -> None:
     assert state.error == pytest.approx(both + 0.01 * np.hypot(*state.tangential.T), rel=1e-6)
 
 
-def test_the_error_of_point_loads_is_that_of_the_model_for_unlike_balls_too() -> None:
-    balls = (Ball((0.0, 0.0), 20.0), Ball((80.0, 0.0), 1.0), Ball((82.3, 0.0), 1.0))
-    problem = Problem(Layer(1.0, 0.3, 50.0), balls, Load("approach", (0.1,) * 3))
-    own = solve_point_load(problem).balls
-    areas, depths = {ball.radius: ball.contact_area for ball in own}, 0.1 * np.array(pair_table.DEPTHS)
+UNLIKE = (Ball((0.0, 0.0), 20.0), Ball((80.0, 0.0), 1.0), Ball((82.3, 0.0), 1.0))
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [
+        Problem(Layer(1.0, 0.3, 50.0), UNLIKE, Load("approach", (0.1,) * 3)),
+        Problem(Layer(1.0, 0.3, 1.0), UNLIKE[1:], Load("approach", (0.15, 0.12)), Elastic(0.05, 0.3)),
+    ],
+)
+def test_the_error_of_point_loads_is_that_of_the_model_for_unlike_balls_too(problem: Problem) -> None:
+    own, depths = solve_point_load(problem).balls, np.max(problem.load.values) * np.array(pair_table.DEPTHS)
 
     def alone(ball: Ball) -> tuple[list[float], float]:
-        force = estimated_relations(problem, np.full(len(depths), ball.radius))[0]
-        return list(force(depths)), float(areas[ball.radius] or 0.0)
+        loads = (Load("approach", (depth,)) for depth in depths)
+        found = [solve_point_load(dataclasses.replace(problem, balls=(ball,), load=load)).balls[0] for load in loads]
+        areas = [other.contact_area or 0.0 for other in own if other.radius == ball.radius]
+        return [single.normal_force for single in found], max(areas)
 
     stated = point_loads(problem, None, alone)(problem.positions).error[0]
     assert stated == pytest.approx(max(ball.tangential_force_error for ball in own), rel=0.1)
