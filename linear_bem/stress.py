@@ -57,8 +57,9 @@ def _table(layer: Elastic, substrate: Elastic | None, depth: float, name: str) -
     def tabulated(t: Array) -> Array:
         return np.where(t < 60.0, spline(np.clip(np.log(t), log_t[0], log_t[-1])), 0.0)
 
-    # a stiff film carries radial displacements over h E1/E2
-    longest = max(1.0, depth, 0.0 if substrate is None else layer.young / substrate.young)
+    # a stiff film carries radial displacements over h E1/E2; in a soft one Boussinesq's part is E2/E1 times too large
+    contrast = 1.0 if substrate is None else layer.young / substrate.young
+    longest = max(1.0, depth, contrast, 1.0 / contrast)
     y = np.arange(0.0, np.arcsinh(3e3 * longest), 0.03)
     found = hankel(tabulated, np.sinh(y), FIELDS[name]) * np.cosh(y) ** (1 if name in PLANAR else 2)
     return PPoly.from_spline(even_spline(y, found, 10, odd=FIELDS[name] == 1)), float(y[-1])

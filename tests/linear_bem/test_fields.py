@@ -225,6 +225,13 @@ def test_stresses_far_away_in_a_stiff_film_follow_hookes_law():
     assert found[0, 0] - found[1, 1] == pytest.approx(2 * 1e3 / 2.6 * strains, rel=1e-4)
 
 
+def test_displacements_far_away_in_a_soft_film_are_those_of_its_base():
+    ball = Ball((0.0, 0.0), 20.0, "paraboloid")
+    film = solve_contact(Problem(Layer(1e-3, 0.3, 1.0), (ball,), Load("approach", (0.1,)), Elastic(1.0, 0.3)), 1e-3)
+    above, below = (interior_displacement(film, 1e4, 0.0, depth) for depth in (1.0 - 1e-6, 1.0 + 1e-6))
+    assert above == pytest.approx(below, rel=1e-6, abs=1e-12 * np.max(np.abs(below)))
+
+
 def test_the_displacement_tends_to_the_surfaces(unlike):
     x, y = np.array([-1.1, 0.0, 2.0]), np.array([0.0, 0.2, 0.5])
     depths = np.array([0.004, 0.008])
