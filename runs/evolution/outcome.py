@@ -28,10 +28,10 @@ FURTHEST = 12.0
 
 
 def rest(end: Moment) -> Document:
-    """Return whether nothing moves any more, whether contacts push, and the residuals (T + pushes)/Q and |T|/Q."""
+    """Return whether nothing moves any more, how many contacts push, and the residuals (T + pushes)/Q and |T|/Q."""
     forces = np.hypot(*end.state.tangential.T)
-    left, pushing = float(np.max(forces / resistances(end.state.normal))), end.pushes > PUSHING * np.max(forces)
-    return {"at_rest": end.resting, "pushing": bool(np.any(pushing)), "speed": end.speed, "force_over_load": left}
+    left, holding = float(np.max(forces / resistances(end.state.normal))), end.pushes > PUSHING * np.max(forces)
+    return {"at_rest": end.resting, "holding": int(np.sum(holding)), "speed": end.speed, "force_over_load": left}
 
 
 def rest_sentence(found: Mapping[str, Any], contacts: int, cycles: float, rolling: float = 0.0) -> str:
@@ -42,13 +42,13 @@ def rest_sentence(found: Mapping[str, Any], contacts: int, cycles: float, rollin
             f"still moving after {cycles:.4g} cycles, to go on raise [reciprocation] cycles and run the same command "
             f"again; the fastest ball is driven by {found['speed']:.2g} of its load ({left})"
         )
-    pushing = contacts if found.get("pushing", True) else 0
-    holds = [count(contacts, "contact")] if pushing else []
+    holding = found.get("holding", contacts)  # runs of earlier versions do not say it
+    holds = [count(holding, "contact")] if holding else []
     if rolling > 0.0:
         holds.append(f"the rolling resistance of {rolling:g} of the load")
     if not holds:
         return f"at rest after {cycles:.4g} cycles: no tangential force above [reciprocation] rest is left ({left})"
-    verb = "holds" if pushing + (rolling > 0.0) == 1 else "hold"
+    verb = "holds" if holding + (rolling > 0.0) == 1 else "hold"
     return f"at rest after {cycles:.4g} cycles: {' and '.join(holds)} {verb} the balls ({left})"
 
 

@@ -107,7 +107,7 @@ def test_a_touching_pair_that_repels_parts_and_one_that_attracts_stays(tables: P
         moments = path(of("point_load", problem, tables).forces, problem, 1.0)
         distance = [float(np.ptp(m.positions[:, 0])) for m in moments]
         assert len(moments[0].contacts) == 1
-        assert rest_of(moments[0])["pushing"] is (what == "stay")
+        assert rest_of(moments[0])["holding"] == (what == "stay")
         if what == "part":
             assert np.all(np.diff(distance) > 0.0)
             assert distance[-1] > 2.4 * radius
