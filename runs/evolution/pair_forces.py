@@ -34,7 +34,7 @@ from linear_bem.touching import wrapped
 from runs.evolution.forces import State
 from runs.evolution.pair_list import CUT, DENSE, CutLaw, PairList, SparseAndMesh
 
-FAR = np.geomspace(1.0, 1e3, 72)
+FAR = np.geomspace(1.0, 1e3, 288)
 """Distances over the smallest diameter at which the terms that point loads neglect are known."""
 FEW = 20
 """Number of balls in a cell up to which their influence is formed as a matrix: a state applies it more often."""

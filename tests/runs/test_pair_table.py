@@ -141,6 +141,7 @@ UNLIKE = (Ball((0.0, 0.0), 20.0), Ball((80.0, 0.0), 1.0), Ball((82.3, 0.0), 1.0)
     [
         Problem(Layer(1.0, 0.3, 50.0), UNLIKE, Load("approach", (0.1,) * 3)),
         Problem(Layer(1.0, 0.3, 1.0), UNLIKE[1:], Load("approach", (0.15, 0.12)), Elastic(0.05, 0.3)),
+        Problem(Layer(1.0, 0.3, 1.0), UNLIKE[1:], Load("approach", (0.15, 0.15))),  # where a term changes its sign
     ],
 )
 def test_the_error_of_point_loads_is_that_of_the_model_for_unlike_balls_too(problem: Problem) -> None:
