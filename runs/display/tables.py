@@ -151,6 +151,11 @@ def error_lines(balls: Sequence[Mapping[str, Any]]) -> list[str]:
     return [f"estimated errors: {known}"] if known else []
 
 
+def symbol_of(what: str) -> str:
+    """Return the symbol of the quantity whose error is relative to ``what``: Q or D where there is no T."""
+    return {"the normal force": "Q", "the approach": "D"}.get(what, "T")
+
+
 def accuracy_lines(solved: Mapping[str, Any], balls: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return the error of T at full load (of Q or D where there is no T), its terms, and the meshes used."""
     accuracy = solved.get("accuracy") or {}
@@ -159,7 +164,7 @@ def accuracy_lines(solved: Mapping[str, Any], balls: Sequence[Mapping[str, Any]]
         return []
     meshes = "; ".join(f"{mesh_words(mesh)}: {grouped(mesh['unknowns'])} unknowns" for mesh in accuracy["meshes"])
     what = accuracy["relative_to"]["what"]
-    symbol = {"the normal force": "Q", "the approach": "D"}.get(what, "T")
+    symbol = symbol_of(what)
     error = f"{100.0 * accuracy['reached']:.2g} %"
     known = f"{symbol} is known to {error} at full load"
     if symbol == "T" and len(balls) > 2:

@@ -18,7 +18,7 @@ from runs.display.rows import (
     legend_of_line,
     path_rows,
 )
-from runs.display.tables import LARGEST_T, mesh_words
+from runs.display.tables import LARGEST_T, mesh_words, symbol_of
 from runs.process.json_values import Document
 from runs.reporting.folder import Folder
 from runs.scene.scene_file import Tables
@@ -176,7 +176,7 @@ def _state(
 
 
 def _reference(accuracy: Mapping[str, Any]) -> str:
-    """Return what the errors of T are relative to; small T may be compared with another force."""
+    """Return what the errors are relative to: of a small T another force, of a single ball its Q or D."""
     return str(accuracy.get("relative_to", {}).get("what", LARGEST_T))
 
 
@@ -198,9 +198,11 @@ def _accuracy(solved: Mapping[str, Any]) -> Document:
     accuracy = solved.get("accuracy") or {}
     if not accuracy:
         return {}
+    symbol = symbol_of(_reference(accuracy))
     return {
         **{key: f"{100.0 * accuracy[key]:.2g} %" for key in ("asked", "reached")},
         "relative_to": _reference(accuracy),
+        "symbol": symbol,
         "met": "met" if accuracy.get("met") else "not met",
         "stopped": accuracy["stopped"],
         "terms": error_terms(accuracy),
@@ -208,7 +210,7 @@ def _accuracy(solved: Mapping[str, Any]) -> Document:
             {
                 "mesh": mesh_words(mesh),
                 "unknowns": grouped(mesh["unknowns"]),
-                "error of T [%]": None if mesh["reached"] is None else 100.0 * mesh["reached"],
+                f"error of {symbol} [%]": None if mesh["reached"] is None else 100.0 * mesh["reached"],
                 "seconds": mesh["seconds"],
             }
             for mesh in accuracy.get("meshes", [])

@@ -244,6 +244,12 @@ def test_the_report_has_the_scenes_units_and_names_the_ball(tmp_path: Path) -> N
     page = page_of(Folder(tmp_path, identity, True, document, SCENE, ""))
     assert "<dd>0.1 %" in page
     assert "Asked for: 1 % of a tenth of the force between the balls; reached: 3 % (not met)" in page
+    # a single ball has no T
+    mesh = {"order": 2, "fineness": 1.0, "unknowns": 10, "seconds": 1.0, "reached": 0.03}
+    document["solved"]["accuracy"] |= {"relative_to": {"what": "the approach"}, "meshes": [mesh]}
+    page = page_of(Folder(tmp_path, identity, True, document, SCENE, ""))
+    assert "errors of D are relative to the approach" in page
+    assert "error of D [%]" in page
 
 
 def test_the_report_on_several_balls_says_what_the_sign_of_t_means(tmp_path: Path) -> None:
