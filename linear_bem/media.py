@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from numbers import Real
 
 from linear_bem.arrays import Array
 
@@ -60,6 +61,21 @@ def without_empty_layer(layer: Layer, substrate: Elastic | None) -> tuple[Layer,
     if layer.thickness > 0.0 or substrate is None:
         return layer, substrate
     return Layer(substrate.young, substrate.poisson, math.inf), None
+
+
+def medium_faults(layer: Layer, substrate: Elastic | None) -> list[str]:
+    """Return a message per fault of layer and substrate."""
+    if not isinstance(layer, Layer):
+        return [f"layer: must be a Layer or a SurfaceResponse, got {layer!r}"]
+    if not isinstance(substrate, Elastic | None):
+        return [f"substrate: must be Elastic or None, got {substrate!r}"]
+    faults = [
+        f"{name}.{key}: must be a number, got {value!r}"
+        for name, solid in (("layer", layer), ("substrate", substrate))
+        for key in ("young", "poisson", "thickness")
+        if not isinstance(value := getattr(solid, key, 0.0), Real)
+    ]
+    return faults or material_faults(layer, substrate)
 
 
 def material_faults(layer: Layer, substrate: Elastic | None) -> list[str]:

@@ -12,14 +12,14 @@ from linear_bem.arrays import Array, Mask
 from linear_bem.depth import BETWEEN, CHECK_UNITS, LARGE_STRAIN, dent, large_strain_note
 from linear_bem.errors import InvalidProblem, NotConverged
 from linear_bem.grid.height_field_contact import HeightFieldContact, coarse_note
-from linear_bem.grid.height_field_input import grid_faults, load_faults, medium_faults, real
+from linear_bem.grid.height_field_input import grid_faults, load_faults, real
 from linear_bem.grid.outline import edge_error, excess_edge
 from linear_bem.grid.patches import Patch, Patches
 from linear_bem.grid.periodic import PeriodicPatch
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
-from linear_bem.media import Elastic, Layer, SurfaceResponse, without_empty_layer
+from linear_bem.media import Elastic, Layer, SurfaceResponse, medium_faults, without_empty_layer
 
 _COARSE = 32
 _COARSE_TOLERANCE = 1e-4
@@ -243,7 +243,7 @@ def contact_area_curve(
         solve_height_field(layer, substrate, heights, cell, normal_force=force, **options)
         for force in np.atleast_1d(normal_forces).tolist()
     )
-    return np.array([(contact.contact_area, contact.contact_area_error) for contact in found])
+    return np.array([(contact.contact_area, contact.contact_area_error) for contact in found]).reshape(-1, 2)
 
 
 def _prescribed(

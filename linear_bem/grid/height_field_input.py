@@ -7,33 +7,20 @@ import numpy as np
 
 from linear_bem.arrays import Array
 from linear_bem.errors import InvalidProblem
-from linear_bem.media import Elastic, Layer, material_faults
 
 
 def real(heights: Array) -> Array:
     """Return heights as an array of real numbers; raises `InvalidProblem` if they are not."""
     try:
-        given = np.asarray(heights)
+        given = np.asanyarray(heights)
     except ValueError:  # rows of unlike length
         given = np.array("")
     if given.dtype.kind not in "biuf":
         raise InvalidProblem("heights: must be real numbers in rows of equal length [m], got text, complex or others")
-    return given.astype(float)
-
-
-def medium_faults(layer: Layer, substrate: Elastic | None) -> list[str]:
-    """Return a message per fault of layer and substrate."""
-    if not isinstance(layer, Layer):
-        return [f"layer: must be a Layer or a SurfaceResponse, got {layer!r}"]
-    if not isinstance(substrate, Elastic | None):
-        return [f"substrate: must be Elastic or None, got {substrate!r}"]
-    faults = [
-        f"{name}.{key}: must be a number, got {value!r}"
-        for name, solid in (("layer", layer), ("substrate", substrate))
-        for key in ("young", "poisson", "thickness")
-        if not isinstance(value := getattr(solid, key, 0.0), Real)
-    ]
-    return faults or material_faults(layer, substrate)
+    if np.ma.is_masked(given):
+        bad = int(np.ma.count_masked(given))
+        raise InvalidProblem(f"heights: must all be known, {bad} of {given.size} are masked; fill them in")
+    return np.asarray(given.astype(float))
 
 
 def grid_faults(heights: Array, cell: float) -> list[str]:

@@ -24,8 +24,9 @@ from scipy.interpolate import BSpline, PPoly, make_interp_spline
 from scipy.special import erfc, j0, jv
 
 from linear_bem.arrays import Array
+from linear_bem.errors import InvalidProblem
 from linear_bem.layer.response import LayerResponse, MeasuredResponse, response_of, scaled_media
-from linear_bem.media import Elastic, Layer, without_empty_layer
+from linear_bem.media import Elastic, Layer, medium_faults, without_empty_layer
 from linear_bem.problem import Problem
 
 if TYPE_CHECKING:
@@ -168,6 +169,9 @@ class LayeredKernel:
     cell: Cell | None = None
 
     def __init__(self, layer: Layer, substrate: Elastic | None = None) -> None:
+        faults = medium_faults(layer, substrate)
+        if faults:
+            raise InvalidProblem(*faults)
         layer, substrate = without_empty_layer(layer, substrate)
         self.thickness = layer.thickness
         self.singular = (1.0 - layer.poisson**2) / (np.pi * layer.young)

@@ -5,7 +5,9 @@ from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
 from linear_bem.arrays import Array
+from linear_bem.errors import InvalidProblem
 from linear_bem.layer.kernel import LayeredKernel, panels
+from linear_bem.magnitudes import is_number
 from linear_bem.problem import Elastic, Layer
 
 
@@ -65,8 +67,11 @@ def uniform_square_displacement(
 
     Positive into the layer. Singular part in closed form, smooth part by Gauss quadrature on panels
     that double away from the point, from half a layer thickness on (error below 1e-9 of the largest displacement).
+    Raises `InvalidProblem`.
     """
     kernel = LayeredKernel(layer, substrate)
+    if not (is_number(half_side) and 0.0 < half_side < np.inf):
+        raise InvalidProblem(f"half_side: must be a number greater than 0 and finite, got {half_side!r} m")
     x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     total = love_rectangle(x, y, half_side, half_side)
     if not kernel.homogeneous:
@@ -88,11 +93,10 @@ def deepest_bulge(layer: Layer, substrate: Elastic | None, half_side: float = 1.
 
     As in the paper's figure 8 (a half side, q pressure); w* < 0 points outwards; (inf, 0): no bulge on 1 < x/a < 1e3.
     """
-    scale = layer.young / half_side
 
     def displacement(log_x: float) -> float:
         at = half_side * (1.0 + np.exp(log_x))
-        return float(uniform_square_displacement(layer, substrate, half_side, 1.0, at)) * scale
+        return float(uniform_square_displacement(layer, substrate, half_side, 1.0, at)) * layer.young / half_side
 
     samples = np.linspace(np.log(1e-3), np.log(1e3), 160)
     values = np.array([displacement(s) for s in samples])

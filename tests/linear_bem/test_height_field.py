@@ -190,6 +190,7 @@ def test_the_area_error_covers_hertz(count):
         ({"heights": [[1.0, 2.0], [3.0]]}, "heights: must be real numbers in rows of equal length"),
         ({"heights": [["a"] * 4] * 4}, "heights: must be real numbers"),
         ({"heights": 1j * np.ones((8, 8))}, "heights: must be real numbers"),
+        ({"heights": np.ma.masked_less(np.eye(8), 1.0)}, "heights: must all be known, 56 of 64 are masked; fill"),
         *(({"tolerance": value}, "tolerance: must be a number greater than 0") for value in (-1.0, 0.0, 5.0, "1e-8")),
     ],
 )
@@ -198,6 +199,10 @@ def test_what_is_no_medium_height_or_tolerance_is_refused(changed, words):
     given = {"layer": HALF_SPACE, "substrate": None, "heights": heights, "cell": cell, "approach": 0.01} | changed
     with pytest.raises(InvalidProblem, match=words):
         solve_height_field(**given)
+
+
+def test_the_area_under_no_force_at_all_is_an_empty_table():
+    assert contact_area_curve(HALF_SPACE, None, *paraboloid(8), []).shape == (0, 2)
 
 
 def wave(count, amplitude=0.02, across=8):

@@ -3,7 +3,18 @@
 import numpy as np
 import pytest
 
-from linear_bem import Ball, Elastic, Ellipsoid, Layer, Load, Problem, solve, solve_contact, solve_point_load
+from linear_bem import (
+    Ball,
+    Elastic,
+    Ellipsoid,
+    InvalidProblem,
+    Layer,
+    Load,
+    Problem,
+    solve,
+    solve_contact,
+    solve_point_load,
+)
 from linear_bem.closed_forms import hertz_force
 from linear_bem.layer.rectangle_load import deepest_bulge, love_rectangle, uniform_square_displacement
 from tests.linear_bem.conftest import PAPER_LOAD
@@ -76,6 +87,21 @@ def test_rectangle_is_a_point_load_far_away():
     assert love_rectangle(300.0, 400.0, 0.5, 0.25) == pytest.approx(0.5 / 500.0, rel=1e-6)
     w = uniform_square_displacement(Layer(1.0, 0.3, 2.0), None, 0.5, 7.0, np.array([0.0, 0.4, 3.0]))
     assert w.shape == (3,)
+
+
+@pytest.mark.parametrize(
+    ("layer", "half_side", "words"),
+    [
+        (Layer(1.0, 0.3, 0.0), 1.0, "layer.thickness: must be greater than 0, got 0 m"),
+        (Layer(-1.0, 0.3, 1.0), 1.0, "layer.young: must be greater than 0 and finite, got -1 Pa"),
+        (None, 1.0, "layer: must be a Layer or a SurfaceResponse, got None"),
+        (Layer(1.0, 0.3, 1.0), -1.0, "half_side: must be a number greater than 0 and finite, got -1.0 m"),
+        (Layer(1.0, 0.3, 1.0), 0.0, "half_side: must be a number greater than 0 and finite, got 0.0 m"),
+    ],
+)
+def test_a_square_or_layer_without_size_is_refused(layer, half_side, words):
+    with pytest.raises(InvalidProblem, match=words):
+        deepest_bulge(layer, None, half_side)
 
 
 def test_point_load_law_is_within_a_per_cent_of_the_full_model(paper_pair):
