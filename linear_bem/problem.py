@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -25,6 +25,11 @@ LoadKind = Literal["approach", "force", "total_force"]
 Profile = Callable[..., object]
 """f(x, y): height [m] of a rigid surface above its lowest point, x and y [m] from the ball's axis."""
 NAMED_SHAPES: dict[str, Callable[[float], Indenter]] = {"sphere": Sphere, "paraboloid": Paraboloid}
+
+
+def _as_tuple(given: Any) -> Any:
+    """Return a list or an array as a tuple, anything else as it is."""
+    return tuple(given) if isinstance(given, list) or (isinstance(given, np.ndarray) and given.ndim) else given
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,7 @@ class Ball:
     asperity: bool = False
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "position", _as_tuple(self.position))
         if isinstance(self.shape, Indenter) and math.isnan(self.radius):
             object.__setattr__(self, "radius", self.shape.apex_radius)
 
@@ -69,8 +75,7 @@ class Load:
     values: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        if isinstance(self.values, list) or (isinstance(self.values, np.ndarray) and self.values.ndim):
-            object.__setattr__(self, "values", tuple(self.values))
+        object.__setattr__(self, "values", _as_tuple(self.values))
 
 
 @dataclass(frozen=True)
