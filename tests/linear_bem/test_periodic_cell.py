@@ -205,6 +205,17 @@ def test_the_force_by_energy_is_that_of_the_formulas_for_balls_given_by_images()
     assert energy_force(solution, 1) == pytest.approx(tuple(force[1]), abs=1e-4 * float(np.max(np.abs(force))))
 
 
+def test_the_error_of_t_holds_for_what_the_sums_over_images_leave_out():
+    """T changed by up to 3 times its stated error between the accuracies, as the sums became more precise."""
+    places, radii = ((0.0, 0.0), (1.329, 0.107), (2.093, -0.638)), (0.585, 0.745, 0.32)
+    balls = tuple(Ball(place, radius, "paraboloid") for place, radius in zip(places, radii, strict=True))
+    load, base = Load("approach", (6.433e-3,) * 3), Elastic(0.0563, 0.0329)
+    scene = Problem(Layer(1.0, 0.5, 0.08413), balls, load, base, periodic=Periodic((3.67589121, 3.30707716)))
+    found, exact = solve_contact(scene, 1e-4), solve_contact(scene, 1e-6)
+    off = np.max(np.abs(found.contacts.mutual_force - exact.contacts.mutual_force), axis=1)
+    assert np.all(off <= found.tangential_force_error)
+
+
 def test_balls_given_by_images_many_cells_away_have_the_same_state_and_errors():
     problem = lattice(12, Load("force", tuple(0.02 * (1.0 + 0.3 * np.sin(np.arange(12.0))))), "soft base")
     moves = {3: (30, -20), 7: (-1, 2)}
