@@ -9,7 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from linear_bem.errors import InvalidProblem
 from linear_bem.lifted_balls import nearest
+from linear_bem.magnitudes import is_number
 from linear_bem.problem import Load
 from linear_bem.profiles import difference
 from linear_bem.solution import Solution, solved
@@ -28,6 +30,9 @@ def energy_force(solution: Solution, ball: int, step: float | None = None) -> tu
     ball to 1 % of its radius. The moved ball may overlap others, because only contacts with the layer are modelled.
     """
     problem = solved(solution, "energy_force").problem
+    solution.require_ball(ball)
+    if step is not None and not (is_number(step) and 0.0 < step < np.inf):
+        raise InvalidProblem(f"step: must be a length greater than 0 and finite, or None, got {step!r} m")
     approaches = tuple(float(d) for d in solution.contacts.approaches)
     here = np.array(problem.balls[ball].position)
     apart = float(nearest(problem)[ball])

@@ -28,7 +28,7 @@ from linear_bem.layer.ritz_indentation import Indentation, estimates, indentatio
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.profiles import curvature, is_ball
 from linear_bem.result import BallResult, Result, Solved
-from linear_bem.solver import solve_contact
+from linear_bem.solver import require_problem, solve_contact
 
 LATER_TERMS = 4.0
 """All later terms of the multipole series over its second one, per (a_i^2 + a_j^2) / L^2.
@@ -107,6 +107,7 @@ def solve_point_load(problem: Problem) -> Result:
     Each kind of ball (radius and shape) needs 1 to 6 solutions of a single ball; with many kinds these dominate the
     time. Raises `UnsupportedProblem` for finite strain, a periodic cell, cones and punches.
     """
+    require_problem(problem)
     problem = problem.without_empty_layer()
     if problem.finite_strain is not None:
         raise UnsupportedProblem("point_load: the effect finite_strain is not part of this model; drop the table")
@@ -127,8 +128,8 @@ def solve_point_load(problem: Problem) -> Result:
     force, error = _law(problem, kernel, distance, state, areas)
     balls = tuple(
         BallResult(
-            position=ball.position,
-            radius=ball.radius,
+            position=(float(ball.position[0]), float(ball.position[1])),
+            radius=float(ball.radius),
             approach=float(state.approaches[i]),
             normal_force=float(state.forces[i]),
             tangential_force=(float(force[i, 0]), float(force[i, 1])),

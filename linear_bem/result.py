@@ -176,8 +176,8 @@ class Result:
         """Return the result that `to_json` wrote."""
         try:
             return cls.from_dict(json.loads(text))
-        except json.JSONDecodeError as error:
-            said = f"from_json: must be the text that to_json wrote, got {text[:60]!r}: {error}"
+        except (TypeError, json.JSONDecodeError) as error:
+            said = f"from_json: must be the text that to_json wrote, got {text!r:.60}: {error}"
             raise InvalidProblem(f"{said}; of a file: Result.from_json(Path(file).read_text())") from error
 
     def __repr__(self) -> str:

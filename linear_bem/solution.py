@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -74,10 +75,17 @@ class Solution:
         return self.contacts.displacement(x, y)
 
     def outline(self, ball: int) -> tuple[Array, Array]:
-        """Return points x, y [m] on the edge of one ball's contact."""
+        """Return points x, y [m] on the edge of one ball's contact, none if it does not touch."""
+        self.require_ball(ball)
         x, y = self.contacts.outline(ball)
         to_x, to_y = self.problem.positions[ball] - self.contacts.problem.positions[ball]  # to another image
         return x + to_x, y + to_y
+
+    def require_ball(self, ball: int) -> None:
+        """Raise `InvalidProblem` for what is no number of a ball."""
+        last = self.problem.size - 1
+        if not (isinstance(ball, Integral) and 0 <= ball <= last):
+            raise InvalidProblem(f"ball: must be a whole number from 0 to {last}, got {ball!r}")
 
     def __repr__(self) -> str:
         """Return one short line: kind and size of the discretisation, and what `Result` shows."""

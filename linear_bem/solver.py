@@ -119,8 +119,7 @@ def solve_contact(
     many balls, by a sample of about twice this number.
     """
     require_supported(problem)
-    if not (isinstance(accuracy, Real) and 0.0 < accuracy < 1.0):
-        raise InvalidProblem(f"accuracy.tangential_force: must be a number between 0 and 1, got {accuracy!r}")
+    require_accuracy(accuracy)
     if sample is not None and (isinstance(sample, bool) or not (isinstance(sample, Integral) and sample >= 1)):
         raise InvalidProblem(f"sample: must be a whole number of balls, 1 or more, or None, got {sample!r}")
     begun, report = time.perf_counter(), Timed(report)
@@ -137,10 +136,21 @@ def solve_contact(
     return Solution(problem, contacts, answer.error, answer.errors, seconds, notes, answer.accuracy)
 
 
-def require_supported(problem: object) -> None:
-    """Raise `InvalidProblem` for what is no problem, `UnsupportedProblem` for an effect that this model lacks."""
+def require_accuracy(accuracy: float) -> None:
+    """Raise `InvalidProblem` for what is no relative accuracy of T."""
+    if not (isinstance(accuracy, Real) and 0.0 < accuracy < 1.0):
+        raise InvalidProblem(f"accuracy.tangential_force: must be a number between 0 and 1, got {accuracy!r}")
+
+
+def require_problem(problem: object) -> None:
+    """Raise `InvalidProblem` for what is no problem."""
     if not isinstance(problem, Problem):
         raise InvalidProblem(f"problem: must be a Problem, as solve(Problem(layer, balls, load)), got {problem!r:.80}")
+
+
+def require_supported(problem: Problem) -> None:
+    """Raise `InvalidProblem` for what is no problem, `UnsupportedProblem` for an effect that this model lacks."""
+    require_problem(problem)
     if problem.finite_strain is not None:
         raise UnsupportedProblem(
             "linear_bem: the effect finite_strain is not part of this model; use finite_strain.solve, or set it to None"

@@ -16,7 +16,7 @@ from linear_bem.profiles import is_ball
 from linear_bem.sequence.linearised import LinearisedContacts, LinearState
 from linear_bem.smooth.initial_guess import Guess, first_guess
 from linear_bem.smooth.tangential_forces import half_space_pulls
-from linear_bem.solver import require_supported, solve_contact
+from linear_bem.solver import require_accuracy, require_supported, solve_contact
 
 DEGREES = (4, 6, 8)
 TOLERANCE = 1e-3
@@ -64,6 +64,7 @@ class ContactSequence:
     """
 
     def __init__(self, accuracy: float = 1e-2) -> None:
+        require_accuracy(accuracy)
         self.accuracy = accuracy
         self._contacts: LinearisedContacts | None = None
         self._before: Problem | None = None

@@ -92,6 +92,15 @@ def test_the_energy_route_holds_for_touching_balls_too():
     assert energy_force(touching, 0)[0] == pytest.approx(mutual, rel=1e-5)
 
 
+@pytest.mark.parametrize("ball", [2, -1, 0.5])
+def test_a_ball_that_is_not_there_has_no_outline_and_no_force(unlike, ball):
+    for call in (unlike.outline, lambda ball: energy_force(unlike, ball)):
+        with pytest.raises(InvalidProblem, match=f"ball: must be a whole number from 0 to 1, got {ball}"):
+            call(ball)
+    with pytest.raises(InvalidProblem, match="step: must be a length greater than 0 and finite, or None, got 0 m"):
+        energy_force(unlike, 0, 0)
+
+
 def test_vertical_stress_on_the_axis_is_hertz(hertz):
     peak = hertz.result().balls[0].peak_pressure
     for depth in (0.003, 0.05, 0.3):

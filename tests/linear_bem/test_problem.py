@@ -18,6 +18,7 @@ from linear_bem import (
     Load,
     Periodic,
     Problem,
+    Result,
     energy_force,
     solve,
     solve_contact,
@@ -141,7 +142,7 @@ def test_a_base_that_sinks_under_many_balls_is_no_depth_of_the_layer_or_of_a_bal
 
 @pytest.mark.parametrize("given", ["pair.toml", LAYER, [Problem(LAYER, BALLS, LOAD)]])
 def test_what_is_no_problem_is_refused(given):
-    for call in (solve, solve_contact):
+    for call in (solve, solve_contact, solve_point_load):
         with pytest.raises(InvalidProblem, match=r"problem: must be a Problem, as solve\(Problem\("):
             call(given)
 
@@ -149,6 +150,15 @@ def test_what_is_no_problem_is_refused(given):
 def test_a_load_may_be_an_array():
     balls = tuple(Ball((x, 0.0), 1.0) for x in (-2.0, 2.0))
     assert Problem(LAYER, balls, Load("approach", np.full(2, 0.1))).load == Load("approach", (0.1, 0.1))
+
+
+def test_positions_may_be_arrays_of_whole_numbers_which_may_change_afterwards():
+    places = np.array([(0, 0), (3, 0)])
+    scene = Problem(LAYER, tuple(Ball(place, np.int64(1)) for place in places), Load("force", (0.01, 0.02)))
+    places[1] = 4
+    assert scene == replace(scene, balls=(Ball((0, 0), 1), Ball((3, 0), 1)))
+    for found in (solve(scene, 1e-2), solve_point_load(scene)):
+        assert Result.from_json(found.to_json()) == found
 
 
 def test_a_depth_that_is_found_has_an_energy_and_its_derivative():

@@ -85,6 +85,11 @@ def test_json_of_something_else_is_refused_with_what_a_result_has(text):
         Result.from_json(text)
 
 
+def test_what_is_no_text_is_no_json():
+    with pytest.raises(InvalidProblem, match=r"from_json: must be the text that to_json wrote, got None: .*read_text"):
+        Result.from_json(None)
+
+
 def test_a_ball_without_a_number_is_refused_with_its_name(solution):
     data = solution.result().to_dict()
     del data["balls"][0]["approach"]

@@ -11,6 +11,7 @@ from linear_bem import (
     ContactSequence,
     Elastic,
     FiniteStrain,
+    InvalidProblem,
     Layer,
     Load,
     Periodic,
@@ -102,6 +103,12 @@ def test_the_effect_finite_strain_is_refused_as_by_solve():
     for call in (solve, ContactSequence(ACCURACY).solve):
         with pytest.raises(UnsupportedProblem, match="finite_strain is not part of this model"):
             call(scene)
+
+
+@pytest.mark.parametrize("accuracy", [5.0, 0.0, "1e-2"])
+def test_an_accuracy_that_is_none_is_refused_as_by_solve(accuracy):
+    with pytest.raises(InvalidProblem, match="must be a number between 0 and 1, got"):
+        ContactSequence(accuracy)
 
 
 def test_a_ball_that_gains_or_loses_contact_is_detected():
