@@ -44,7 +44,10 @@ FLAT_END = 5.0 / 3.0
 
 
 class _Single:
-    """A single ball: the ratio of `solve` to the Ritz estimate, interpolated in the logarithm of the approach."""
+    """A single ball: the ratio of `solve` to the Ritz estimate, interpolated in the logarithm of the approach.
+
+    ``error`` is the relative error of an approach at a given force.
+    """
 
     def __init__(self, problem: Problem, ball: Ball, low: float, high: float) -> None:
         self._problem, self._radius = problem, ball.radius
@@ -52,13 +55,14 @@ class _Single:
         count = 1 if half < 1e-3 else 3 if half < 0.7 else 6
         nodes = np.cos((np.arange(count) + 0.5) * np.pi / count)
         self._middle, self._half = middle, max(half, 1e-12)
-        rows = []
+        rows, errors = [], []
         for z in nodes:
             force = self._estimate(approach=float(np.exp(middle + half * z))).normal_force
             alone = replace(problem, balls=(replace(ball, position=(0.0, 0.0)),), load=Load("force", (force,)))
             b = solve_contact(alone).result().balls[0]
             guess = self._estimate(normal_force=force)
             square = guess.contact_radius**2
+            errors.append(b.errors["approach"] / b.approach)
             rows.append(
                 [
                     np.log(b.approach / guess.approach),
@@ -67,6 +71,8 @@ class _Single:
                 ]
             )
         self._fit = np.polynomial.chebyshev.chebfit(nodes, np.array(rows), count - 1)
+        # the last two terms bound those left out
+        self.error = max(errors) + (float(np.max(np.abs(self._fit[-2:, 0]))) if count > 1 else 0.0)
 
     def _estimate(self, **given: float) -> Indentation:
         return indentation_of_layer(self._problem.layer, self._problem.substrate, self._radius, **given)
@@ -125,7 +131,7 @@ def solve_point_load(problem: Problem) -> Result:
     singles, state = _coupled(problem, mutual)
     touch = [s.area_and_peak(v) for s, v in zip(singles, state.forces, strict=True)]
     areas = np.array([area for area, _ in touch])
-    force, error = _law(problem, kernel, distance, state, areas)
+    force, error = _law(problem, kernel, distance, state, areas, np.array([single.error for single in singles]))
     balls = tuple(
         BallResult(
             position=(float(ball.position[0]), float(ball.position[1])),
@@ -189,9 +195,12 @@ def _singles(problem: Problem, rough: Array) -> list[_Single]:
 
 
 def _law(
-    problem: Problem, kernel: LayeredKernel, distance: Array, state: PointState, area: Array
+    problem: Problem, kernel: LayeredKernel, distance: Array, state: PointState, area: Array, doubt: Array
 ) -> tuple[Array, Array]:
-    """Return T [N] of every ball, shape (balls, 2), and the size of the neglected terms [N]."""
+    """Return T [N] of every ball, shape (balls, 2), and the size of the neglected terms [N].
+
+    ``doubt`` (balls,) are the relative errors of approaches at given forces.
+    """
     q, r = state.forces, np.where(np.isfinite(distance), distance, 1.0)
     pull = -kernel.slope(r)
     products = np.outer(q, q)
@@ -203,7 +212,7 @@ def _law(
     error, left = neglected(next_terms(kernel, r), r, pull, sloped[:, None] + sloped)
     if problem.load.kind != "force":
         np.fill_diagonal(left, 0.0)
-        share = unsure(left @ q, state.effective)
+        share = unsure(left @ q + doubt * state.effective, state.effective)
         error = error + np.abs(pull) * (share[:, None] + share)
     return force, np.sum(products * error, axis=1)
 
