@@ -72,9 +72,11 @@ class _Slot:
         displacement = ufl.variable(contact.displacement)
         self.gap = self._gap(contact, displacement, self.approach)
         self.gradient = ufl.variable(ufl.grad(contact.displacement))
-        area = 1
+        area = self.steepness = 1
         if contact.finite:
-            area += contact.turning * (facing(ufl.diff(self.gap, displacement), self.gradient) - 1)
+            slope = ufl.diff(self.gap, displacement)
+            area += contact.turning * (facing(slope, self.gradient) - 1)
+            self.steepness = ufl.sqrt(ufl.dot(slope, slope))  # 1 where the gap is a distance
         earlier = positive(-self._gap(contact, contact.earlier, self.fields["earlier"]))
         self.overlap = earlier * contact.augmented
         self.pressed = positive(self.overlap - self.gap)
@@ -239,7 +241,7 @@ class Contact:
 
     def pressure(self) -> Any:
         """Return the chosen balls' pressure per undeformed area [Pa], an expression in the cells below the top."""
-        return sum(slot.fields["chosen"] * slot.pressure for slot in self.slots)
+        return sum(slot.fields["chosen"] * slot.pressure * slot.steepness for slot in self.slots)
 
     def penetration(self) -> Any:
         """Return the penetration of the surface into a chosen ball in contact [m], also an expression."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from finite_strain.output.top_surface import TopSurface
-from linear_bem import Cone, Problem, solve_contact
+from linear_bem import Cone, Ellipsoid, Indenter, Problem, solve_contact
 from tests.finite_strain.scenes import (
     CUBIC,
     QUADRATIC,
@@ -60,3 +60,22 @@ def test_pressure_at_the_nodes_and_contact_area_are_those_of_the_linear_model(
     assert off.max() < largest  # at the edge, where the slope is infinite
     assert math.sqrt(np.mean(off[exact > 0.0] ** 2)) < mean
     assert model.readings.contact_areas()[0] == relatively(solution.contacts.contact_areas[0], 0.02)
+
+
+@pytest.mark.parametrize(
+    "shape",
+    ["sphere", "paraboloid", Cone(math.radians(30.0), 0.3), Ellipsoid((0.6, 0.6, 1.2))],
+    ids=["sphere", "paraboloid", "cone", "ellipsoid"],
+)
+def test_pressure_on_the_deformed_surface_carries_the_normal_force(shape: str | Indenter, tmp_path: Path) -> None:
+    problem = single(0.25, thickness=1.5, poisson=0.3, shape=shape)
+    rig = coarse_rig(coarse_plan(problem), tmp_path, CUBIC)
+    *_, last = rig.press()
+    assert rig.path.augment(last)
+    rig.settle()
+    surface = TopSurface(rig.model).gathered()
+    assert surface is not None
+    a, b, c = surface.points[surface.triangles].transpose(1, 0, 2)
+    seen = 0.5 * np.cross(b - a, c - a)[:, 2]
+    carried = float(surface.pressure[surface.triangles].mean(axis=1) @ seen)
+    assert carried == relatively(rig.normal_forces()[0], 0.03)  # flat triangles, and a kink at the edge
