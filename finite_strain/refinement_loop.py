@@ -307,7 +307,7 @@ class Refinement:
         solvers = ", then ".join(dict.fromkeys(step.linear_solver for step in steps))  # may change on restart
         if self.keep:
             wanted = [each.step for each in steps if self.fields.wants(each.step, each.fraction)]
-            notes += on_root(self.comm, lambda: missing_files(self.folder, wanted))
+            notes += on_root(self.comm, lambda: missing_files(self.folder, wanted, self.fields.names))
         notes += solver_notes(solvers, sum(step.linear_fallbacks for step in steps), self.unused)
         certificate = ("penetration", "force_balance", "residual")
         solved = Solved(

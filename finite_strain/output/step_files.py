@@ -6,7 +6,7 @@ separate grid, which meshio cannot read and ParaView shows as separate blocks.
 """
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree as Xml
 
@@ -83,10 +83,15 @@ def _check_room(path: Path, needed: int) -> None:
         )
 
 
-def missing_files(folder: Path, numbers: list[int]) -> list[str]:
-    """Return a note on files of saved steps that are not in the folder."""
-    names = [f"{stem(number)}.h5" for number in numbers]
-    missing = [name for name in names if not (folder / name).is_file()]
+def missing_files(folder: Path, numbers: Sequence[int], fields: Sequence[str]) -> list[str]:
+    """Return a note on files of saved steps that cannot be read, and on ``fields`` that those files do not have."""
+    missing = dict[str, None]()
+    for path in (folder / f"{stem(number)}.h5" for number in numbers):
+        try:
+            with _opened(path) as file:
+                missing |= dict.fromkeys(f"field {name}" for name in fields if name not in file["node_fields"])
+        except OutputUnusable:
+            missing[path.name] = None
     if not missing:
         return []
     return [

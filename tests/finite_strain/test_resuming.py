@@ -117,6 +117,14 @@ def test_fields_of_a_finished_run_that_are_missing_are_named(folder: Path, tmp_p
     assert note.startswith(f"step_0001.h5 missing in {tmp_path}: ")
 
 
+def test_fields_that_an_earlier_run_of_the_folder_did_not_write_are_named(folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    with h5py.File(tmp_path / "step_0002.h5", "r+") as file:
+        del file["node_fields/gap"]
+    (note,) = [note for note in solve(tmp_path, Recorder()).solved.notes if "missing" in note]
+    assert note.startswith(f"field gap missing in {tmp_path}: ")
+
+
 def test_the_fields_are_those_of_the_mesh_that_has_the_result(
     result: Any, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
