@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, fields
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any
 
 from linear_bem.errors import InvalidProblem
@@ -41,12 +41,16 @@ class Numerics:
         for field in fields(self):
             value: Any = getattr(self, field.name)
             values: Any = (value,)
-            what, least = "a number, not negative and finite", 0.0
+            kind: Any = Integral if field.type in ("int", int) else Real
+            what, least, most = "a number, not negative and finite", 0.0, math.inf
             if field.name == "more_loads":
-                values, what = value if isinstance(value, tuple | list) else (None,), "a tuple of fractions of the load"
+                values = value if isinstance(value, tuple | list) else (None,)
+                what, least, most = "a tuple of fractions of the load, below 1", math.ulp(0.0), 1.0
+            elif kind is Integral:
+                what = "a whole number, not negative"
             elif field.name in ("growth", "largest_step", "shortest_step"):
                 what, least = "a number greater than 0 and finite", math.ulp(0.0)
-            if not all(isinstance(v, Real) and least <= float(v) < math.inf for v in values):
+            if not all(isinstance(v, kind) and least <= float(v) < most for v in values):
                 faults.append(f"numerics.{field.name}: must be {what}, got {value!r}")
         if faults:
             raise InvalidProblem(*faults)

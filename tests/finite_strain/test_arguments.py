@@ -41,7 +41,10 @@ def test_an_argument_of_another_type_is_refused_by_name(given: dict[str, Any], w
     [
         ({"growth": -1.0}, r"numerics\.growth: must be a number greater than 0 and finite, got -1\.0"),
         ({"growth": 0.0}, r"numerics\.growth: must be a number greater than 0"),
-        ({"more_loads": 0.7}, r"numerics\.more_loads: must be a tuple of fractions of the load, got 0\.7"),
+        ({"more_loads": 0.7}, r"numerics\.more_loads: must be a tuple of fractions of the load, below 1, got 0\.7"),
+        ({"more_loads": (0.7, 1.5)}, r"numerics\.more_loads: must be a tuple of fractions of the load, below 1, got"),
+        ({"more_loads": (0.0,)}, r"numerics\.more_loads: must be a tuple of fractions of the load, below 1, got"),
+        ({"contact_degree": 1.5}, r"numerics\.contact_degree: must be a whole number, not negative, got 1\.5"),
         ({"more_loads": ("most",)}, r"numerics\.more_loads: must be a tuple of fractions of the load"),
         ({"largest_step": "0.1"}, r"numerics\.largest_step: must be a number"),
     ],
