@@ -101,8 +101,8 @@ def solve(
 
     """
     check_arguments(
-        problem=problem, accuracy=accuracy, folder=folder, seconds=seconds, unknowns=unknowns,
-        steps=steps, numerics=numerics, solver_options=solver_options, inspect=inspect,
+        problem=problem, accuracy=accuracy, folder=folder, observer=observer, fields=fields, seconds=seconds,
+        unknowns=unknowns, steps=steps, numerics=numerics, solver_options=solver_options, inspect=inspect,
     )  # fmt: skip
     missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:

@@ -7,8 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from finite_strain.numerics import Numerics
+from finite_strain.output.field_catalogue import FieldChoice
 from linear_bem.errors import InvalidProblem
 from linear_bem.problem import Problem
+
+CALLED = ("started", "attempt", "newton", "step_done")
+"""Methods of an observer."""
 
 
 def _numbers(value: Any) -> bool:
@@ -31,10 +35,19 @@ def _inspector(value: Any) -> bool:
     return True
 
 
+def _observer(value: Any) -> bool:
+    return value is None or set(CALLED) <= set(dir(value))
+
+
 RULES: dict[str, tuple[Any, str]] = {
     "problem": (lambda v: isinstance(v, Problem), "a linear_bem.Problem"),
     "accuracy": (lambda v: isinstance(v, Real), "a number between 0 and 1"),
     "folder": (lambda v: v is None or isinstance(v, str | Path), "the path of a folder"),
+    "observer": (_observer, f"an object with the methods {', '.join(CALLED)} (finite_strain.Observer)"),
+    "fields": (
+        lambda v: v is None or isinstance(v, FieldChoice),
+        'a choice such as FieldChoice(("displacement", "gap"))',
+    ),
     "seconds": (lambda v: v is None or isinstance(v, Real), "a number"),
     "unknowns": (lambda v: v is None or isinstance(v, Real), "a number"),
     "steps": (lambda v: v is None or _numbers(v), "fractions of the load such as (0.5, 1.0)"),

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 
@@ -65,12 +66,14 @@ class FieldChoice:
 
 def choice_faults(names: Sequence[str], every: int) -> list[str]:
     """Return a message per fault of a choice of fields."""
+    if isinstance(names, str):
+        return [f'output.fields: must be a list of names, such as ("{names}",), got "{names}"']
     faults = []
     unknown = [name for name in names if name not in CATALOGUE]
     if unknown:
         faults.append(f"output.fields: unknown {', '.join(unknown)}; known: {', '.join(CATALOGUE)}")
-    if every < 1:
-        faults.append(f"output.every: must be 1 or more (write every so many load steps), got {every}")
+    if not isinstance(every, Integral) or every < 1:
+        faults.append(f"output.every: must be 1 or more and whole (write every so many load steps), got {every!r}")
     return faults
 
 

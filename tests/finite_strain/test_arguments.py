@@ -23,6 +23,8 @@ PROBLEM = Problem(Layer(1.0, 0.3, 1.0), (Ball((0.0, 0.0), 1.0),), Load("force", 
         ({"seconds": "60"}, r"seconds: must be a number, got '60'"),
         ({"unknowns": [1e4]}, r"unknowns: must be a number"),
         ({"folder": 3}, r"folder: must be the path of a folder"),
+        ({"fields": ("gap",)}, r"fields: must be a choice such as FieldChoice.*, got \('gap',\)"),
+        ({"observer": print}, r"observer: must be an object with the methods started, attempt, newton, step_done"),
         ({"numerics": {"growth": 2.0}}, r"numerics: must be Numerics such as"),
         ({"solver_options": "lu"}, r"solver_options: must be PETSc options such as"),
         ({"inspect": 1}, r"inspect: must be a function"),
@@ -52,3 +54,16 @@ def test_an_argument_of_another_type_is_refused_by_name(given: dict[str, Any], w
 def test_numerics_out_of_range_are_refused(given: dict[str, Any], words: str) -> None:
     with pytest.raises(InvalidProblem, match=words):
         Numerics(**given)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"names": "gap"}, r'output\.fields: must be a list of names, such as \("gap",\), got "gap"'),
+        ({"names": ("mises",)}, r"output\.fields: unknown mises; known: displacement, "),
+        ({"every": 1.5}, r"output\.every: must be 1 or more and whole .*, got 1\.5"),
+    ],
+)
+def test_a_wrong_choice_of_fields_is_refused(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(InvalidProblem, match=words):
+        finite_strain.FieldChoice(**given)
