@@ -89,6 +89,11 @@ class PrescribedLoad:
         """Return the load fractions with output of a comparison along the load: equal steps of the approach."""
         return tuple((n / ANSWERS) ** self.power for n in range(1, ANSWERS + 1))
 
+    def _dent(self, state: Indentation) -> float:
+        """Return about how deep [m] the substrate is dented."""
+        area = math.pi * state.contact_radius**2
+        return dent(self.problem.substrate, self.problem.layer.thickness, state.normal_force, area)
+
     def ended_by(self, fraction: float, approaches: Sequence[float], balls: Sequence[ModelBall]) -> str:
         """Return why a path ends after a load fraction with approaches (balls,) [m]; empty if unknown."""
         return ""
@@ -101,9 +106,14 @@ class PrescribedApproach(PrescribedLoad):
 
     def faults(self, model: str) -> list[str]:
         """Reject approaches that are too large for the layer."""
-        most, deepest = LARGEST_APPROACH * self.problem.layer.thickness, max(self.values)
+        h, deepest, taken = self.problem.layer.thickness, max(self.values), ""
+        given, most = deepest, LARGEST_APPROACH * h
+        if given >= most > 0.0 and self.problem.substrate is not None:
+            pressed = zip(self.values, self.expected(), strict=True)
+            given, deepest = max((value - self._dent(state), value) for value, state in pressed)
+            taken = f", of which the layer takes about {given:.3g} m"
         limit = f"takes approaches below {LARGEST_APPROACH:g} of the layer's thickness, {most:g} m"
-        faults = [f"load.approach: {model} {limit}, got {deepest:g} m"] if deepest >= most else []
+        faults = [f"load.approach: {model} {limit}, got {deepest:g} m{taken}"] if given >= most else []
         return faults + (self._overlaps(model) if self.problem.finite_strain is not None else [])
 
     def _overlaps(self, model: str) -> list[str]:
@@ -143,11 +153,6 @@ class PrescribedForce(PrescribedLoad):
         state = alone(self.problem, ball, normal_force=value)
         most = LARGEST_APPROACH * self.problem.layer.thickness + self._dent(state)
         return state if state.approach <= most else alone(self.problem, ball, approach=most)
-
-    def _dent(self, state: Indentation) -> float:
-        """Return about how deep [m] the substrate is dented."""
-        area = math.pi * state.contact_radius**2
-        return dent(self.problem.substrate, self.problem.layer.thickness, state.normal_force, area)
 
     def faults(self, model: str) -> list[str]:
         """Reject balls without a force."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,7 @@ from tests.finite_strain.scenes import (
     on_layer,
     pair,
     relatively,
+    single,
 )
 
 if TYPE_CHECKING:
@@ -152,6 +154,16 @@ def test_a_force_that_presses_through_the_layer_is_planned_as_the_deepest_approa
     soft = replace(problem, substrate=Elastic(1.0, 0.48)).with_load("force", (1.0, 1.0))  # the base gives most of it
     expected = plan_run(soft, 0.1, "finite_strain").expected
     assert expected == tuple(alone(soft, ball, normal_force=1.0) for ball in soft.balls)
+
+
+def test_an_approach_beyond_the_layer_is_refused_if_the_layer_takes_most_of_it() -> None:
+    soft, stiff = (replace(single(0.25, thickness=0.25), substrate=Elastic(young, 0.4)) for young in (0.1, 1e3))
+    assert prescribed(soft).faults("finite_strain") == []
+    said = r"below 0\.9 of the layer's thickness, 0\.225 m, got 0\.25 m, of which the layer takes about 0\.24\d m$"
+    for deeper in (1.0, 4.0):
+        problem = replace(stiff, load=Load("approach", (deeper * 0.25,)))
+        (fault,) = prescribed(problem).faults("finite_strain")
+        assert deeper > 1.0 or re.search(said, fault)
 
 
 def test_forces_under_which_contacts_would_meet_are_refused() -> None:
