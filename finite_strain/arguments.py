@@ -6,6 +6,8 @@ from numbers import Real
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from finite_strain.numerics import Numerics
 from finite_strain.output.field_catalogue import FieldChoice
 from linear_bem.errors import InvalidProblem
@@ -16,7 +18,8 @@ CALLED = ("started", "attempt", "newton", "step_done")
 
 
 def _numbers(value: Any) -> bool:
-    return isinstance(value, Sequence) and not isinstance(value, str) and all(isinstance(v, Real) for v in value)
+    is_list = value.ndim == 1 if isinstance(value, np.ndarray) else isinstance(value, Sequence)
+    return is_list and all(isinstance(v, Real) for v in value)
 
 
 def _options(value: Any) -> bool:

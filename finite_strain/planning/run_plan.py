@@ -216,7 +216,7 @@ def plan_run(
     problem = with_expressions(problem)
     _check_supported(problem, model)
     load = prescribed(problem)
-    goals = load.answered_fractions() if steps is None else tuple(steps)
+    goals = load.answered_fractions() if steps is None else tuple(map(float, steps))
     if not goals or not min(goals) > 0.0 or list(goals) != sorted(set(goals)):
         raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {list(goals)} times the full load")
     if not math.isclose(goals[-1], 1.0, rel_tol=1e-9):

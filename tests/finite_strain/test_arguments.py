@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 import finite_strain
@@ -19,6 +20,8 @@ PROBLEM = Problem(Layer(1.0, 0.3, 1.0), (Ball((0.0, 0.0), 1.0),), Load("force", 
         ({"problem": 3}, r"problem: must be a linear_bem\.Problem, got 3"),
         ({"accuracy": "0.1"}, r"accuracy: must be a number between 0 and 1, got '0\.1'"),
         ({"steps": 0.5}, r"steps: must be fractions of the load"),
+        ({"steps": np.array(0.5)}, r"steps: must be fractions of the load"),
+        ({"steps": "0.5"}, r"steps: must be fractions of the load"),
         ({"steps": ("half",)}, r"steps: must be fractions of the load"),
         ({"seconds": "60"}, r"seconds: must be a number, got '60'"),
         ({"unknowns": [1e4]}, r"unknowns: must be a number"),
@@ -36,6 +39,11 @@ PROBLEM = Problem(Layer(1.0, 0.3, 1.0), (Ball((0.0, 0.0), 1.0),), Load("force", 
 def test_an_argument_of_another_type_is_refused_by_name(given: dict[str, Any], words: str) -> None:
     with pytest.raises(InvalidProblem, match=words):
         finite_strain.solve(**({"problem": PROBLEM} | given))
+
+
+def test_load_steps_may_be_an_array() -> None:
+    given = finite_strain.plan(PROBLEM, 0.1, steps=np.array([0.5, 1.0]))
+    assert given == finite_strain.plan(PROBLEM, 0.1, steps=(0.5, 1.0))
 
 
 @pytest.mark.parametrize(
