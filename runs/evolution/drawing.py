@@ -13,6 +13,7 @@ from runs.evolution.hard_balls import HardBalls
 from runs.evolution.record import positions_at, starting_neighbours
 from runs.evolution.structure import nearest_distances
 from runs.process.files import replacing
+from runs.scene.units import Unit
 
 Document = Mapping[str, Any]
 
@@ -63,6 +64,7 @@ def draw_top_views(
     balls: HardBalls,
     radii: Sequence[float],
     direction: Sequence[float],
+    length: Unit,
     stem: str = "top_views",
 ) -> None:
     """Write STEM.png and .svg: six configurations from above, balls in touch joined, T as arrows."""
@@ -73,8 +75,8 @@ def draw_top_views(
     force = 1.6 * min(radii) / largest if largest > 0.0 else 0.0  # metres of arrow per newton
     for axis, cycle in zip(axes, cycles, strict=True):
         nearest = min(path, key=lambda m: abs(m["cycle"] - cycle))
-        _draw_balls(axis, np.array(nearest["positions"]), radii, nearest, force)
-        _set_frame(axis, path, radii)
+        _draw_balls(axis, np.array(nearest["positions"]), radii, length, nearest, force)
+        _set_frame(axis, path, radii, length)
         axis.set_title(f"{nearest['cycle']:.3g} cycles")
     _draw_direction(axes[0], direction)
     words = "From above: balls in contact are joined, arrows are T, the grey arrow is the main motion"
@@ -83,7 +85,7 @@ def draw_top_views(
 
 
 @look()
-def draw_distances(folder: Path, document: Document, balls: HardBalls) -> None:
+def draw_distances(folder: Path, document: Document, balls: HardBalls, length: Unit) -> None:
     """Write distances.png and .svg: distances of neighbours over cycles, as in the source's figures 2b and 7b.
 
     Neighbours are pairs that start close to each other, and pairs that come into contact later. Of more than `CURVES`
@@ -101,21 +103,20 @@ def draw_distances(folder: Path, document: Document, balls: HardBalls) -> None:
     figure = blank(5.6, 3.8)
     axis = figure.subplots()
     if each:
-        distance = np.array([np.hypot(*balls.between(x, pairs).T) for x in places])
+        distance = np.array([np.hypot(*balls.between(x, pairs).T) for x in places]) / length.size
         colors = colormaps["viridis"](np.linspace(0.0, 0.88, len(pairs)))
         for (i, j), away, color in zip(balls.pairs(pairs), distance.T, colors, strict=True):
-            axis.plot(cycle, 1e3 * away, color=color, label=f"{i} - {j}")
+            axis.plot(cycle, away, color=color, label=f"{i} - {j}")
     else:
-        distance = np.array([np.quantile(nearest_distances(x, None), (0.0, 0.25, 0.5, 0.75, 1.0)) for x in places])
-        axis.fill_between(
-            cycle, *(1e3 * distance[:, [1, 3]].T), color=BLUE, alpha=0.25, lw=0.0, label="half of all balls"
-        )
+        nearest = np.array([nearest_distances(x, None) for x in places]) / length.size
+        distance = np.quantile(nearest, (0.0, 0.25, 0.5, 0.75, 1.0), axis=1).T
+        axis.fill_between(cycle, *distance[:, [1, 3]].T, color=BLUE, alpha=0.25, lw=0.0, label="half of all balls")
         for k, style, words in ((4, "--", "largest"), (2, "-", "median"), (0, ":", "least")):
-            axis.plot(cycle, 1e3 * distance[:, k], color=BLUE, ls=style, label=words)
-    axis.axhline(1e3 * balls.smallest, color="0.55", lw=0.8, ls=":", zorder=0)
-    axis.set(xlabel="cycles", ylabel="distance of the axes [mm]")
+            axis.plot(cycle, distance[:, k], color=BLUE, ls=style, label=words)
+    top, bottom = float(np.max(distance)), balls.smallest / length.size
+    axis.axhline(bottom, color="0.55", lw=0.8, ls=":", zorder=0)
+    axis.set(xlabel="cycles", ylabel=length.heading("distance of the axes"))
     axis.set_xlim(0.0, max(float(cycle[-1]), 1e-12))
-    top, bottom = 1e3 * float(np.max(distance)), 1e3 * balls.smallest
     axis.set_ylim(bottom - 0.12 * max(top - bottom, 0.1 * bottom), top + 0.08 * max(top - bottom, 0.1 * bottom))
     axis.annotate(
         "touching", (1.0, bottom), xycoords=("axes fraction", "data"),
@@ -132,7 +133,9 @@ def draw_distances(folder: Path, document: Document, balls: HardBalls) -> None:
 
 
 @look()
-def draw_animation(folder: Path, document: Document, radii: Sequence[float], direction: Sequence[float]) -> None:
+def draw_animation(
+    folder: Path, document: Document, radii: Sequence[float], direction: Sequence[float], length: Unit
+) -> None:
     """Write evolution.gif: the path in equal steps of cycles."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
     from PIL import Image  # noqa: PLC0415
@@ -146,9 +149,9 @@ def draw_animation(folder: Path, document: Document, radii: Sequence[float], dir
     figure = blank(*_size(_frame(path, radii), 3.6))
     figure.set_dpi(80)
     canvas, axis = FigureCanvasAgg(figure), figure.subplots()
-    _set_frame(axis, path, radii)
+    _set_frame(axis, path, radii, length)
     _draw_direction(axis, direction)
-    _draw_balls(axis, x[0], radii)
+    _draw_balls(axis, x[0], radii, length)
     title = axis.set_title(" ", fontsize=9)
     circles, numbers = list(axis.patches), axis.texts[-len(radii) :]
     moving = [*circles, *numbers, title]
@@ -156,7 +159,7 @@ def draw_animation(folder: Path, document: Document, radii: Sequence[float], dir
         artist.set_animated(True)
     canvas.draw()  # what does not move, once
     still, frames = canvas.copy_from_bbox(figure.bbox), list[Any]()
-    for places, cycle in zip(1e3 * x, cycles, strict=True):
+    for places, cycle in zip(x / length.size, cycles, strict=True):
         title.set_text(f"{cycle:.{digits}f} cycles")
         for place, circle, number in zip(places, circles, numbers, strict=True):
             circle.set_center(place)
@@ -175,7 +178,7 @@ def draw_animation(folder: Path, document: Document, radii: Sequence[float], dir
 
 
 @look()
-def draw_ensemble(folder: Path, document: Document, radii: Sequence[float]) -> None:
+def draw_ensemble(folder: Path, document: Document, radii: Sequence[float], length: Unit) -> None:
     """Write ensemble.png and .svg: how the first nine members ended; nothing for a single run."""
     members = document["ensemble"][:9]
     if len(members) < 2:
@@ -183,31 +186,33 @@ def draw_ensemble(folder: Path, document: Document, radii: Sequence[float]) -> N
     ends = [{"positions": m["positions"]} for m in members]
     figure, axes = grid(len(members), *_size(_frame(ends, radii), 2.3))
     for axis, member in zip(axes, members, strict=True):
-        _draw_balls(axis, np.array(member["positions"]), radii)
-        _set_frame(axis, ends, radii)
+        _draw_balls(axis, np.array(member["positions"]), radii, length)
+        _set_frame(axis, ends, radii, length)
         axis.set_title(f"seed {member['seed']}: {member['contacts']} contacts", fontsize=8.5)
     save_figure(figure, folder, "ensemble")
 
 
 def _draw_balls(
-    axis: Any, x: Array, radii: Sequence[float], moment: Mapping[str, Any] | None = None, force: float = 0.0
-) -> None:
+    axis: Any, x: Array, radii: Sequence[float], length: Unit, moment: Mapping[str, Any] | None = None,
+    force: float = 0.0,
+) -> None:  # fmt: skip
     from matplotlib.patches import Circle  # noqa: PLC0415
 
+    x, radii, force = x / length.size, [radius / length.size for radius in radii], force / length.size
     force_at = np.zeros(x.shape) if moment is None else force * np.array(moment["tangential_force"])
     long = np.hypot(*force_at.T) > 0.08 * min(radii)
     for number, (place, radius) in enumerate(zip(x, radii, strict=True)):
-        axis.add_patch(Circle(1e3 * place, 1e3 * radius, facecolor=STEEL, edgecolor=EDGE, lw=0.8))
+        axis.add_patch(Circle(place, radius, facecolor=STEEL, edgecolor=EDGE, lw=0.8))
         # behind the tail of the arrow, where no arrow covers it
         behind = -0.55 * radius * force_at[number] / np.hypot(*force_at[number]) if long[number] else np.zeros(2)
-        axis.text(*(1e3 * (place + behind)), str(number), ha="center", va="center", fontsize=8.5, color=EDGE, zorder=5)
+        axis.text(*(place + behind), str(number), ha="center", va="center", fontsize=8.5, color=EDGE, zorder=5)
     if moment is None:
         return
     for i, j in moment["contacts"]:
-        axis.plot(*(1e3 * x[[i, j]].T), color=ORANGE, lw=1.2, alpha=0.7, zorder=3)
+        axis.plot(*x[[i, j]].T, color=ORANGE, lw=1.2, alpha=0.7, zorder=3)
     if np.any(long):
         axis.quiver(
-            *(1e3 * x[long].T), *(1e3 * force_at[long].T), color=BLUE, angles="xy", scale_units="xy", scale=1.0,
+            *x[long].T, *force_at[long].T, color=BLUE, angles="xy", scale_units="xy", scale=1.0,
             width=0.008, zorder=4,
         )  # fmt: skip
 
@@ -232,12 +237,12 @@ def _frame(path: Sequence[Mapping[str, Any]], radii: Sequence[float]) -> tuple[A
     low, high = x.min(axis=(0, 1)) - margin, x.max(axis=(0, 1)) + margin
     # a line of balls still gets a window of some height
     spare = np.maximum(0.34 * float(np.max(high - low)) - (high - low), 0.0) / 2.0
-    return 1e3 * (low - spare), 1e3 * (high + spare)
+    return low - spare, high + spare
 
 
-def _set_frame(axis: Any, path: Sequence[Mapping[str, Any]], radii: Sequence[float]) -> None:
-    low, high = _frame(path, radii)
-    axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
+def _set_frame(axis: Any, path: Sequence[Mapping[str, Any]], radii: Sequence[float], length: Unit) -> None:
+    xlim, ylim = np.transpose(_frame(path, radii)) / length.size
+    axis.set(xlim=xlim, ylim=ylim, aspect="equal", xlabel=length.heading("x"), ylabel=length.heading("y"))
 
 
 def _size(frame: tuple[Array, Array], width: float) -> tuple[float, float]:

@@ -11,6 +11,7 @@ from runs.display.style import BLUE, GREEN, ORANGE, PURPLE, grid, look, panels, 
 from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.pair_list import images
+from runs.scene.units import Unit
 
 SHOWN = 6
 """Moments in a picture."""
@@ -27,8 +28,8 @@ def some(moments: Sequence[Moment]) -> list[Moment]:
 
 
 @look()
-def draw_top_views(folder: Path, moments: Sequence[Moment], balls: HardBalls, cycles: Any, stem: str) -> None:
-    """Write STEM.png and .svg: the layer from above at some moments, clusters coloured by their size.
+def draw_top_views(folder: Path, moments: Sequence[Moment], balls: HardBalls, cycles: Any, length: Unit) -> None:
+    """Write top_views.png and .svg: the layer from above at some moments, clusters coloured by their size.
 
     Without a cell each view has its own scale: it shows all balls.
     """
@@ -37,13 +38,13 @@ def draw_top_views(folder: Path, moments: Sequence[Moment], balls: HardBalls, cy
     wide, tall = 2.3 * min(1.0, 1.5 / min(aspects)), 2.3 * min(1.5, max(aspects))  # [inch]
     figure, axes = grid(len(chosen), 0.8 + max(wide, 0.8), 0.9 + max(tall, 0.2))
     for axis, moment in zip(axes, chosen, strict=True):
-        draw_layer(axis, moment.positions, balls)
+        draw_layer(axis, moment.positions, balls, length)
         axis.set_title(f"{cycles(moment.sigma):.3g}{' ' if wide > NARROW else chr(10)}cycles")
-    save_figure(figure, folder, stem)
+    save_figure(figure, folder, "top_views")
 
 
-def draw_layer(axis: Any, x: Array, balls: HardBalls) -> None:
-    """Draw all balls from above: grey alone, then from light to dark by the number of balls in contact [mm]."""
+def draw_layer(axis: Any, x: Array, balls: HardBalls, length: Unit) -> None:
+    """Draw all balls from above: grey alone, then from light to dark by the number of balls in contact."""
     from matplotlib import colormaps  # noqa: PLC0415
     from matplotlib.collections import EllipseCollection  # noqa: PLC0415
 
@@ -59,17 +60,18 @@ def draw_layer(axis: Any, x: Array, balls: HardBalls) -> None:
         seen = np.all((x > -radii[own][:, None]) & (x < window[1] + radii[own][:, None]), axis=1)
         own, x = own[seen], x[seen]
     colors, radii = colors[own], radii[own]
-    width = 2e3 * radii
+    width = 2.0 * radii / length.size
     axis.add_collection(
         EllipseCollection(
-            width, width, np.zeros(len(x)), units="x", offsets=1e3 * x, transOffset=axis.transData,
+            width, width, np.zeros(len(x)), units="x", offsets=x / length.size, transOffset=axis.transData,
             facecolors=colors, edgecolors="white", linewidths=0.2,
         )
     )  # fmt: skip
     for k in np.flatnonzero(radii >= NUMBERED * np.ptp(window, axis=0).max()):
         ink = "white" if colors[k, :3].mean() < 0.5 else "black"
-        axis.text(*(1e3 * x[k]), str(own[k]), ha="center", va="center", fontsize=7, color=ink, clip_on=True)
-    axis.set(xlim=1e3 * window[:, 0], ylim=1e3 * window[:, 1], aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
+        axis.text(*(x[k] / length.size), str(own[k]), ha="center", va="center", fontsize=7, color=ink, clip_on=True)
+    xlim, ylim = window.T / length.size
+    axis.set(xlim=xlim, ylim=ylim, aspect="equal", xlabel=length.heading("x"), ylabel=length.heading("y"))
 
 
 def _window(x: Array, balls: HardBalls) -> Array:

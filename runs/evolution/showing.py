@@ -31,15 +31,15 @@ def draw(
     """Write every picture of the run; ``layer`` holds the rows of `runs.evolution.structure`, if any."""
     assert session.scene.reciprocation is not None
     folder, direction = session.out, session.scene.reciprocation.direction
-    radii = [ball.radius for ball in session.problem.balls]
+    radii, length = [ball.radius for ball in session.problem.balls], session.scale.units.length
     if layer:
-        layer_pictures.draw_top_views(folder, moments, balls, session.scene.reciprocation.cycles_after, "top_views")
+        layer_pictures.draw_top_views(folder, moments, balls, session.scene.reciprocation.cycles_after, length)
         layer_pictures.draw_structure(folder, layer)
         return
-    drawing.draw_top_views(folder, document, balls, radii, direction)
-    drawing.draw_distances(folder, document, balls)
-    drawing.draw_animation(folder, document, radii, direction)
-    drawing.draw_ensemble(folder, document, radii)
+    drawing.draw_top_views(folder, document, balls, radii, direction, length)
+    drawing.draw_distances(folder, document, balls, length)
+    drawing.draw_animation(folder, document, radii, direction, length)
+    drawing.draw_ensemble(folder, document, radii, length)
 
 
 def show(session: Session, document: Document) -> None:

@@ -149,14 +149,21 @@ def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
     assert "complete already" in again.stderr
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_the_outcome_of_a_scene_in_radii_is_in_radii(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_outcome_of_a_scene_in_radii_is_in_radii(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(outcome, "direct_check", lambda *given: ([], []))
     file = tmp_path / "radii.toml"
     file.write_text(DIMENSIONLESS, encoding="utf-8")
     evolve_scene(read_scene(file), "point_load", Options(False, tmp_path / "out", False), tmp_path / "tables")
     said = " ".join(capsys.readouterr().out.split())
     assert "8 R of path a cycle" in said
     assert " mm " not in said
+    names = ("top_views.svg", "distances.svg")
+    views, away = ((tmp_path / "out" / name).read_text(encoding="utf-8") for name in names)
+    assert views.count(">x / R<") == 6
+    assert ">distance of the axes / R<" in away
+    assert "mm]" not in views + away
 
 
 @pytest.mark.usefixtures("undrawn")

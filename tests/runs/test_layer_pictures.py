@@ -11,6 +11,7 @@ pytest.importorskip("matplotlib")
 
 from runs.evolution import layer_pictures
 from runs.evolution.hard_balls import HardBalls
+from runs.scene.units import Unit
 
 PLACES = 1e-3 * np.array([[6.0, 8.0], [18.0, 8.0], [6.0, 24.0], [18.0, 24.0]])
 
@@ -21,7 +22,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch, paths: Any, cell: Any = None) -> Any:
     monkeypatch.setattr(layer_pictures, "save_figure", lambda figure, *_: figures.append(figure))
     moments = [SimpleNamespace(positions=x, sigma=float(k)) for k, x in enumerate(paths)]
     balls = HardBalls(np.full(len(paths[0]), 5e-3), cell)
-    layer_pictures.draw_top_views(Path(), moments, balls, lambda sigma: 12345.6 * sigma, "top_views")
+    layer_pictures.draw_top_views(Path(), moments, balls, lambda sigma: 12345.6 * sigma, Unit("mm", 1e-3))
     return figures[0]
 
 
@@ -54,6 +55,6 @@ def test_titles_of_tall_and_of_wide_views_are_whole(monkeypatch: pytest.MonkeyPa
 def test_few_balls_carry_their_numbers_and_many_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
     (axis,) = drawn(monkeypatch, [PLACES], np.array([30e-3, 40e-3])).axes
     assert [text.get_text() for text in axis.texts] == ["0", "1", "2", "3"]
-    assert [text.get_position() for text in axis.texts] == [tuple(place) for place in 1e3 * PLACES]
+    assert [text.get_position() for text in axis.texts] == [tuple(place) for place in PLACES / 1e-3]
     (axis,) = drawn(monkeypatch, [10.0 * PLACES]).axes  # small in a wide view
     assert not axis.texts

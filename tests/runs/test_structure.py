@@ -13,6 +13,7 @@ from runs.evolution import drawing, structure
 from runs.evolution.drift import Moment
 from runs.evolution.forces import State
 from runs.evolution.hard_balls import HardBalls
+from runs.scene.units import Unit
 from tests.runs.foam_balls import line
 from tests.runs.lattices import triangular
 
@@ -108,7 +109,7 @@ def test_the_peak_of_the_structure_factor_is_a_number_of_a_cell(tmp_path: Path) 
         patch.setattr(drawing, "save_figure", lambda figure, *_: drawn.append(figure.axes[0]))
         for part in (x, x[:9]):
             shown = [{**m, "positions": np.array(m["positions"])[: len(part)]} for m in path]
-            drawing.draw_distances(tmp_path, {"path": shown}, HardBalls(np.ones(len(part))))
+            drawing.draw_distances(tmp_path, {"path": shown}, HardBalls(np.ones(len(part))), Unit("mm", 1e-3))
     many, few = drawn
     assert len(many.lines) == 4  # least, median, largest, and where balls touch
     assert many.lines[1].get_ydata() == pytest.approx([3e3, 2.4e3])

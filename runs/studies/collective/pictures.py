@@ -13,6 +13,7 @@ from runs.evolution import saved_path
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.layer_pictures import draw_layer
 from runs.pictures.sheet import save_gif
+from runs.scene.units import DIMENSIONLESS
 from runs.session.output_folder import PATH
 from runs.studies.collective.cases import DISTANCES, Case, Finished, PairLaw
 from runs.studies.framework.study import CASES
@@ -99,7 +100,8 @@ def draw_gathering(folder: Path, case: Case, largest: float) -> None:
 
 def _draw_cell(axis: Any, case: Case, positions: Array) -> None:
     """Draw the balls in the frame of their periodic cell."""
-    draw_layer(axis, positions, HardBalls(np.ones(case.count), np.array([case.length] * 2)))
+    balls = HardBalls(np.ones(case.count), np.array([case.length] * 2))
+    draw_layer(axis, positions, balls, DIMENSIONLESS.length)
     axis.set(xticks=[], yticks=[], xlabel="", ylabel="")
     for spine in axis.spines.values():
         spine.set(visible=True, linewidth=0.6, color="0.4")

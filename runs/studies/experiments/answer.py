@@ -10,6 +10,7 @@ from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, look, panels, 
 from runs.evolution.drawing import draw_top_views
 from runs.evolution.hard_balls import HardBalls
 from runs.process.files import write_csv
+from runs.scene.units import Unit
 from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.experiments import cases, resistance, side_by_side
@@ -177,7 +178,7 @@ def draw_gathering(folder: Path, found: Mapping[str, Documents]) -> None:
     if document is not None:
         problem = case.read(quick=True).problem
         radii = [ball.radius for ball in problem.balls]
-        draw_top_views(folder, document, HardBalls.of(problem), radii, (1.0, 0.0), "gathering")
+        draw_top_views(folder, document, HardBalls.of(problem), radii, (1.0, 0.0), Unit("mm", 1e-3), "gathering")
 
 
 def _draw_pairs(axis: Any, documents: Documents, model: str) -> None:
