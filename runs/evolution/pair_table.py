@@ -6,11 +6,12 @@ layer, ball and approach shares it.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import shutil
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from linear_bem.arrays import Array
-from linear_bem.errors import NotConverged, UnsupportedProblem
+from linear_bem.errors import NotConverged, OutputUnusable, UnsupportedProblem
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import Result
 from runs.display.numbers import count, duration
@@ -26,6 +27,7 @@ from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
 from runs.process import ranks
 from runs.process.files import write_text
 from runs.process.json_values import Document, plain, to_json
+from runs.process.locks import take
 from runs.scene.effects.finite_strain import effect_identity
 
 Solve = Callable[[Problem, Path | None, Sequence[float]], Result]
@@ -178,11 +180,33 @@ class PairTable:
 
     def complete(self, print_status: Callable[[str], None] = lambda text: None) -> None:
         """Run the missing cases one by one and save each (collective over the model's ranks)."""
+        self.states = ranks.share(self.states)
+        if self.missing:
+            with self._locked(print_status) if ranks.is_root() else contextlib.nullcontext():
+                self._complete(print_status)
+
+    @contextlib.contextmanager
+    def _locked(self, print_status: Callable[[str], None]) -> Iterator[None]:
+        """Keep other runs from making the table, and read what they have saved; raises `OutputUnusable` (rank 0)."""
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            lock = open(self.path.with_name(f".{self.path.stem}.lock"), "w", encoding="utf-8")  # noqa: SIM115
+        except OSError as error:
+            raise OutputUnusable(
+                f"{self.path.parent}: cannot write there: {error.strerror or error}; name another --tables"
+            ) from None
+        with lock:
+            if take(lock) is False:
+                print_status(f"pair table {self.path}: another run makes it now; waiting for that run")
+                take(lock, wait=True)
+            self.states = self._read()
+            yield
+
+    def _complete(self, print_status: Callable[[str], None]) -> None:
         self.states = states = ranks.share(self.states)
 
         def keep(words: str, seconds: float) -> None:
             if ranks.is_root():
-                self.path.parent.mkdir(parents=True, exist_ok=True)
                 write_text(self.path, to_json(self.data))
                 # one ball alone is solved at all depths: its time says nothing about that of a pair
                 left = f", about {duration(seconds * self.missing)} left" if self.missing and states.pairs else ""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from linear_bem import Ball, Elastic, Layer, Load, Problem, Result, solve, solve_point_load
-from linear_bem.errors import UnsupportedProblem
+from linear_bem.errors import OutputUnusable, UnsupportedProblem
 from linear_bem.problem import FiniteStrain
 from linear_bem.result import BallResult, Solved
 from runs.evolution import pair_table
@@ -18,6 +18,9 @@ from runs.evolution.forces import DirectForces, at
 from runs.evolution.pair_forces import PairForces, SingleBall
 from runs.evolution.providers import Provider, point_loads, provider
 from runs.models import MODELS, Run
+from runs.process.files import write_text
+from runs.process.json_values import to_json
+from runs.process.locks import take
 from tests.runs.foam_balls import FOAM, RADIUS, line, of, scene, spread
 
 
@@ -117,6 +120,33 @@ def written_table(folder: Path) -> pair_table.PairTable:
     adding = pair_table.Additivity("three in a line", 1e-4, 1e-6, 0.01, 0.01, 0.1, 0.0)
     table.states = pair_table.States(single, pairs, [adding])
     return table
+
+
+def test_a_table_that_another_run_makes_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pair_table, "MANY", tuple(at / 2.0 for at in PULLS))
+    monkeypatch.setattr(pair_table, "ARRANGEMENTS", {"three in a line": pair_table.ARRANGEMENTS["three in a line"]})
+    made, waiting = written_table(tmp_path), written_table(tmp_path)
+    waiting.states = pair_table.States()
+    said: list[str] = []
+
+    def other_run_ends(text: str) -> None:
+        said.append(text)
+        write_text(made.path, to_json(made.data))
+        lock.close()
+
+    with open(tmp_path / f".{made.path.stem}.lock", "w", encoding="utf-8") as lock:
+        assert take(lock)
+        waiting.complete(other_run_ends)  # without a run of its own
+    assert ["another run makes it now" in text for text in said] == [True]
+    assert to_json(waiting.data) == to_json(made.data)
+
+
+def test_a_folder_of_tables_that_cannot_be_written_is_refused_before_the_first_run(tmp_path: Path) -> None:
+    table = written_table(tmp_path / "file" / "tables")
+    table.states = pair_table.States()
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(OutputUnusable, match="name another --tables"):
+        table.complete()
 
 
 def test_the_error_of_t_includes_that_of_the_pairs(tmp_path: Path) -> None:
