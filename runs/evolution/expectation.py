@@ -23,11 +23,12 @@ from runs.evolution.providers import (
     PAIR_ACCURACY,
     Alone,
     kinds,
+    planned_table,
     point_loads,
     table_of,
 )
 from runs.look_ahead import MEMORY, measured
-from runs.models import COMMAND_SECONDS, ONE, TWO, Model, as_command, planned_runs
+from runs.models import COMMAND_SECONDS, ONE, TWO, Model, as_command
 from runs.process.machine import slowness
 from runs.scene.scene_file import Scene
 
@@ -71,7 +72,7 @@ def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -
     assert sliding is not None
     direct = sliding.forces == "direct" and model.name != "point_load"
     missing = [] if direct else _missing(scene, model, problem)
-    table = planned_runs(model, missing, scene.tangential_force, scene.budget)
+    table = planned_table(model, missing, scene.tangential_force, scene.budget)
     path = _path(scene, problem)
     steps = float(path.steps)
     if not path.ended:  # steps become longer where balls slow down

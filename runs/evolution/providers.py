@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from linear_bem.arrays import Array
-from linear_bem.errors import UnsupportedProblem
+from linear_bem.errors import InvalidProblem, UnsupportedProblem
 from linear_bem.point_load import moments
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import Result
@@ -84,7 +84,7 @@ def provider(
     if table.damage and ranks.is_root():
         print_status(table.damage)
     # also reports what the model cannot solve, before the first run
-    planned = planned_runs(model, table.missing_problems(), accuracy, budget or {})
+    planned = planned_table(model, table.missing_problems(), accuracy, budget or {})
     if ranks.is_root() and table.missing:
         cores = ranks.rank_and_size()[1]
         time = "" if planned is None else f", about {duration(time_on(cores, planned))} on {count(cores, 'idle core')}"
@@ -149,6 +149,19 @@ def table_of(
         return model.solve(one, Run(asked, comm, workspace, output=nothing, budget=budget or {}, steps=steps))
 
     return PairTable(problem, model.name, solve, folder, settings, slow=model.parallel)
+
+
+def planned_table(
+    model: Model, missing: Sequence[Problem], accuracy: float | None, budget: Mapping[str, float]
+) -> dict[str, float] | None:
+    """Return `planned_runs` of a table of pairs; a refused depth is said to be that of the ball alone."""
+    try:
+        return planned_runs(model, missing, accuracy, budget)
+    except (InvalidProblem, UnsupportedProblem) as error:
+        if not str(error).startswith("load.approach"):
+            raise
+        alone = f"for the table of pairs, one ball alone is pressed to {DEPTHS[-1]:g} of the approach"
+        raise type(error)(f"{error}; {alone}") from None
 
 
 def point_loads(problem: Problem, cell: Array | None, alone: Callable[[Ball], Alone]) -> PairForces:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from linear_bem import solve
+from linear_bem.errors import UnsupportedProblem
 from runs import cli
 from runs.commands.plan import plan_scene
 from runs.evolution import outcome, pair_table, showing
@@ -83,6 +84,11 @@ def test_a_drift_warns_of_large_strain_where_a_solution_does(
 def test_a_plan_refused_by_the_elements_names_file_and_key(tmp_path: Path) -> None:
     file = scene(tmp_path, '"1 mm"', more=f"{SLIDING}[finite_strain]\n[accuracy]\ntangential_force = 1e-5\n")
     with pytest.raises(InvalidScene, match=r"scene\.toml: \[accuracy\] tangential_force: must lie between 0\.0001"):
+        cli.plan(file, no_advice=True)
+    file = scene(tmp_path, '"8.8 mm"', more=f"{SLIDING}[finite_strain]\n")
+    with pytest.raises(
+        UnsupportedProblem, match=r"9.24 mm \(written .* one ball alone is pressed to 1.05 of the approach"
+    ):
         cli.plan(file, no_advice=True)
 
 
