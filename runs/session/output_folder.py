@@ -22,6 +22,8 @@ FINISHED, INTERRUPTED, FAILED = "finished", "interrupted", "failed"
 FIELDS = "fields"
 PICTURES = "pictures"
 PATH = "path"
+LONG = 60
+"""Characters of a list from which a difference in it is named by the place of its items."""
 OURS = (
     MARK, "scene.toml", "result.json", "steps.csv", "strengthening.csv", "run.log", "tangential_force.png",
     "tangential_force.svg", "surface.png", "surface.npz", "top_views.png", "top_views.svg", "distances.png",
@@ -173,13 +175,20 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
     return flat
 
 
+def _is_long(value: Any) -> bool:
+    return isinstance(value, list) and len(str(value)) > LONG
+
+
 def difference(old: Any, new: Any, where: str = "") -> str:
     """Return the difference between two identities, such as "quick is True there and False here"."""
+    if _is_long(old) and _is_long(new) and len(old) == len(new):
+        old, new = ({f"[{i}]": value for i, value in enumerate(values)} for values in (old, new))
     if isinstance(old, dict) and isinstance(new, dict):
         parts = [
-            difference(old.get(k), new.get(k), f"{where}.{k}".strip("."))
+            difference(old.get(k), new.get(k), f"{where}.{k}".strip(".").replace(".[", "["))
             for k in {**old, **new}
             if old.get(k) != new.get(k)
         ]
         return ", ".join(parts[:3]) + (", ..." if len(parts) > 3 else "")
-    return f"{where.removeprefix('problem.')} is {old} there and {new} here"
+    there, here = (f"a list of {len(value)}" if _is_long(value) else value for value in (old, new))
+    return f"{where.removeprefix('problem.')} is {there} there and {here} here"

@@ -17,7 +17,7 @@ from runs.evolution.forces import State
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.pair_table import PairTable
 from runs.evolution.record import Record
-from runs.session.output_folder import OutputFolder
+from runs.session.output_folder import OutputFolder, difference
 
 
 def test_a_damaged_mark_is_named_and_replaced_where_asked(tmp_path: Path) -> None:
@@ -89,3 +89,12 @@ def test_a_damaged_table_of_pairs_is_named_and_computed_again(text: str, tmp_pat
     again = opened()
     assert again.missing == table.missing
     assert f"{table.path}: cannot be read" in again.damage
+
+
+def test_a_run_of_many_other_balls_is_named_by_the_first_of_them() -> None:
+    balls = [{"radius": 1.0, "position": [3.0 * k, 0.0]} for k in range(200)]
+    larger = [{**ball, "radius": 2.0} for ball in balls]
+    said = difference({"problem": {"balls": balls}}, {"problem": {"balls": larger}})
+    assert said.startswith("balls[0].radius is 1.0 there and 2.0 here, balls[1].radius")
+    assert len(said) < 200
+    assert difference({"balls": balls}, {"balls": balls[1:]}) == "balls is a list of 200 there and a list of 199 here"
