@@ -60,6 +60,7 @@ def page_of(folder: Folder) -> str:
         title, run = _title(folder), run_page.content(folder)
     return render(
         title=title, kind=KINDS.get(folder.command, folder.command), unfinished=unfinished,
+        drifts=folder.command == "evolve",
         study=study, run=run, pictures=[figure(path, n) for n, path in enumerate(pictures, start=len(shown) + 1)],
         repeat=folder.repeat(), scene=folder.scene_text, log=folder.log,
         style=STYLE.read_text(encoding="utf-8"), version=importlib.metadata.version("thirdbody"),

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,7 +51,7 @@ class Folder:
         words = ["thirdbody", self.command, str(self.path / "scene.toml")]
         if self.command in ("solve", "evolve"):
             words += ["--model", str(self.identity.get("model"))]
-        return launcher + " ".join(words) + " --out NEW_FOLDER"
+        return launcher + shlex.join(words) + " --out NEW_FOLDER"
 
     def ranks(self) -> int:
         """Return the number of MPI ranks of the run."""

@@ -15,6 +15,7 @@ SHOWN = {
     "parameters": "Strengthening over Poisson's ratio and distance, and the sign of the tangential force.",
     "top_views": "Positions of the balls from above, at the start and later.",
     "distances": "Distances between the balls over the sliding path.",
+    "structure": "Sizes of clusters, contacts of a ball, and hexatic order over the sliding path.",
     "evolution": "Motion of the balls, from above.",
     "ensemble": "Outcomes from different starting positions.",
     "pareto": "Error of the tangential force against processor time, with the Pareto front.",

@@ -85,6 +85,9 @@ def _solution(folder: Folder, document: Mapping[str, Any]) -> Document:
         for name, route in (balls[leading].get("tangential_force_routes") or {}).items()
     ]
     found["sentences"] = document.get("sentences", [])
+    if folder.command == "evolve":  # coordinates are no unknowns, and its steps are no iterations
+        found["facts"].pop("unknowns", None)
+        found["facts"] = {"steps" if key == "iterations" else key: v for key, v in found["facts"].items()}
     omitted = (*SHOWN_ELSEWHERE, *(SAID if found["sentences"] else ()))
     return found | {"tables": _tables(document, omitted, scale.units.length)}
 

@@ -177,6 +177,9 @@ def test_an_evolution_is_shown_by_its_tables_though_no_model_knows_pressures(tmp
     text = " ".join(page.text)
     for words in ("normal force Q", "seed", "balls in clusters", "Note: forces by pairs", "1.24", "unfinished"):
         assert words in text
+    assert "State at the last saved moment" in text
+    assert "steps" in page.text  # not iterations
+    assert not {"iterations", "unknowns"} & set(page.text)
     for words in ("0, 3", "touch"):
         assert words in text
     for words in ("at rest after 4.5 cycles", "sliding path over friction / R", "cycles at the end"):
@@ -300,3 +303,5 @@ def test_a_browser_shows_the_page_without_sideways_scrolling(
 def test_the_command_that_reproduces_a_run_names_its_model(command: str, model: str) -> None:
     folder = Folder(Path("out/x"), {"command": command, "model": "point_load"}, "finished", {}, "", "")
     assert folder.repeat() == f"thirdbody {command} out/x/scene.toml{model} --out NEW_FOLDER"
+    spaced = dataclasses.replace(folder, path=Path("my out/x"))
+    assert spaced.repeat() == f"thirdbody {command} 'my out/x/scene.toml'{model} --out NEW_FOLDER"
