@@ -38,6 +38,8 @@ FORMAT = 2
 SAVE_INTERVAL, SAVE_RATIO, PROGRESS_INTERVAL = 5.0, 10.0, 10.0
 """Interval [s] between saves of an unfinished path; least such interval over the duration of a save; interval [s]
 between progress lines."""
+SIGMA = "sliding_path_over_friction"
+"""Column of sigma in tables."""
 TABLES = Path("out/pair-tables")
 """Folder of the tables of pairs, which all scenes share."""
 
@@ -201,7 +203,7 @@ class Evolution:
         """Write the arrangement of three or more balls at every kept moment; only new moments are computed."""
         if self.problem.size < 3 and not self._is_layer:
             return
-        known = {line["sliding_path_over_friction"]: line for line in self._arrangements}
+        known = {line[SIGMA]: line for line in self._arrangements}
         self._arrangements = [
             known.get(m.sigma) or {"cycle": self.sliding.cycles_after(m.sigma), **structure.row(m, self.balls)}
             for m in moments
@@ -290,12 +292,14 @@ class Evolution:
 def rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return one flat row per kept moment and ball; per moment alone where the balls are too many for one file."""
     if document["path"] and "positions" not in document["path"][0]:
-        return [dict(moment) for moment in document["path"]]
-    keys = ("tangential_force", "normal_force")
+        return [
+            {SIGMA if key == "sigma" else key: value for key, value in moment.items()} for moment in document["path"]
+        ]
+    keys = ("tangential_force", "tangential_force_error", "normal_force")
     return [
         {
             "cycle": moment["cycle"],
-            "sliding_path_over_friction": moment["sigma"],
+            SIGMA: moment["sigma"],
             "ball": i,
             "position": tuple(x),
             **{key: moment[key][i] for key in keys},

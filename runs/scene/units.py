@@ -72,7 +72,7 @@ def direction(value: object) -> tuple[float, float]:
     """Return the unit vector along a list [x, y] of plain numbers."""
     if not isinstance(value, list) or len(value) != 2:
         raise fault("must be a list [x, y] of two plain numbers, such as [1, 0]")
-    x, y = _items(value, number)
+    x, y = _items(value, number, of="number")
     length = math.hypot(x, y)
     if not 0.0 < length < math.inf:
         raise fault("must point somewhere: a finite [x, y] that is not [0, 0]")

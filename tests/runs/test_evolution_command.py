@@ -129,6 +129,7 @@ def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
         rows = list(csv.DictReader(table))
     assert len(rows) == 3 * len(document["path"])
     assert float(rows[-1]["position_x"]) == document["path"][-1]["positions"][2][0]
+    assert float(rows[-1]["tangential_force_error"]) == document["path"][-1]["tangential_force_error"][2]
     for name in ("top_views.png", "top_views.svg", "distances.png", "ensemble.png", "evolution.gif"):
         assert (out / name).stat().st_size > 5_000, name
     sizes = re.findall(r"font(?:-size)?: ([\d.]+)px", (out / "top_views.svg").read_text(encoding="utf-8"))

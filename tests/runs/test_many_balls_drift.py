@@ -104,6 +104,7 @@ def test_a_killed_run_of_many_balls_goes_on_to_the_same_end(tmp_path: Path, monk
         assert killed[key] == whole[key], key
     for name in ("structure.csv", "structure_factor.csv", "steps.csv"):
         assert (tmp_path / "killed" / name).read_text() == (tmp_path / "whole" / name).read_text(), name
+    assert (tmp_path / "whole" / "steps.csv").read_text().startswith("cycle,sliding_path_over_friction,contacts,")
     with open(tmp_path / "whole" / "structure.csv", encoding="utf-8", newline="") as table:
         rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(table)]
     assert len(rows) == len(whole["path"])
