@@ -114,14 +114,18 @@ def draw_distances(folder: Path, document: Document, balls: HardBalls, length: U
         for k, style, words in ((4, "--", "largest"), (2, "-", "median"), (0, ":", "least")):
             axis.plot(cycle, distance[:, k], color=BLUE, ls=style, label=words)
     top, bottom = float(np.max(distance)), balls.smallest / length.size
-    axis.axhline(bottom, color="0.55", lw=0.8, ls=":", zorder=0)
+    touching = bottom * np.unique(
+        np.round(balls.distances(pairs) / balls.smallest, 9)
+    )  # unlike pairs, unlike distances
+    for at in touching if each and len(touching) <= NAMED else [bottom]:
+        axis.axhline(at, color="0.55", lw=0.8, ls=":", zorder=0)
+        axis.annotate(
+            "touching", (1.0, at), xycoords=("axes fraction", "data"),
+            xytext=(-2, -9), textcoords="offset points", ha="right", fontsize=8, color="0.4",
+        )  # fmt: skip
     axis.set(xlabel="cycles", ylabel=length.heading("distance of the axes"))
     axis.set_xlim(0.0, max(float(cycle[-1]), 1e-12))
     axis.set_ylim(bottom - 0.12 * max(top - bottom, 0.1 * bottom), top + 0.08 * max(top - bottom, 0.1 * bottom))
-    axis.annotate(
-        "touching", (1.0, bottom), xycoords=("axes fraction", "data"),
-        xytext=(-2, -9), textcoords="offset points", ha="right", fontsize=8, color="0.4",
-    )  # fmt: skip
     if not each:
         axis.legend(fontsize=8, loc="best")
         axis.set_title("distance of each ball to the nearest other one", fontsize=9)

@@ -115,3 +115,13 @@ def test_the_peak_of_the_structure_factor_is_a_number_of_a_cell(tmp_path: Path) 
     assert many.lines[1].get_ydata() == pytest.approx([3e3, 2.4e3])
     # seven pairs along a row, one across, one diagonal, one that touches later, and where balls touch
     assert len(few.lines) == 11
+
+
+def test_unlike_balls_touch_at_unlike_distances(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[Any] = []
+    monkeypatch.setattr(drawing, "save_figure", lambda figure, *_: drawn.append(figure.axes[0]))
+    x = np.array([[-2.1, 0.0], [0.0, 0.5], [2.1, 0.0]])
+    path = [{"cycle": cycle, "positions": x, "contacts": [[0, 2]]} for cycle in (0.0, 1.0)]
+    drawing.draw_distances(tmp_path, {"path": path}, HardBalls(np.array([2.0, 0.5, 2.0])), Unit("m", 1.0))
+    (axis,) = drawn
+    assert [text.xy[1] for text in axis.texts if text.get_text() == "touching"] == pytest.approx([2.0, 4.0])
