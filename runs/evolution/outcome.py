@@ -60,13 +60,17 @@ def arrangement_sentence(end: Mapping[str, Any], begin: Array, cell: Array | Non
     contacts = count(end["contacts"], "contact") if end["contacts"] else "no contacts"
     if len(end["groups"]) == 1:
         return f"{len(begin)} balls in one cluster, {contacts}"
-    sizes = Counter(end["groups"])  # from the largest on
-    groups = [f"{count(number, 'cluster')} of {size}" for size, number in sizes.items()]
-    if len(groups) > NAMED:
-        others = sum(list(sizes.values())[NAMED:])
-        groups[NAMED:] = [f"{others} smaller ones"]
     here, there = (length(float(np.min(nearest_distances(x, cell)))) for x in (np.array(end["positions"]), begin))
-    return f"{contacts}; {', '.join(groups)}; nearest distance {here} ({there} in the scene)"
+    return f"{contacts}; {clusters(end['groups'])}; nearest distance {here} ({there} in the scene)"
+
+
+def clusters(groups: Sequence[int]) -> str:
+    """Return the numbers of clusters of each of the largest sizes in words, from the sizes of all, largest first."""
+    sizes = Counter(groups)
+    words = [f"{count(number, 'cluster')} of {size}" for size, number in sizes.items()]
+    if len(words) > NAMED:
+        words[NAMED:] = [f"{sum(list(sizes.values())[NAMED:])} smaller ones"]
+    return ", ".join(words)
 
 
 def position_error(

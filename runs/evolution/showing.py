@@ -104,8 +104,8 @@ def sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
     if len(members) > 1:
         ends = Counter((m["contacts"], tuple(m["groups"])) for m in members)
         for (contacts, groups), ending in sorted(ends.items(), reverse=True):
-            sizes = ", ".join(str(size) for size in groups)
-            lines.append(f"{ending} of {len(members)} members end with {contacts} contacts in clusters of {sizes}")
+            ended = f"{count(contacts, 'contact')} in {outcome.clusters(groups)}"
+            lines.append(f"{ending} of {len(members)} members end with {ended}")
         at_rest = [m["cycles_end"] for m in members if m["at_rest"]]
         gathered = [m["cycles_one_group"] for m in members if m["cycles_one_group"] is not None]
         for words, cycles in (("are in one cluster", gathered), ("are at rest", at_rest)):

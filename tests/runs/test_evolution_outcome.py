@@ -132,6 +132,10 @@ def test_sentences_of_the_end() -> None:
     assert outcome.arrangement_sentence(pairs, begin, None, length).startswith(
         "1 contact; 1 cluster of 2, 2 clusters of 1"
     )
+    assert (
+        outcome.clusters([9, 4, *[2] * 3, *[1] * 200])
+        == "1 cluster of 9, 1 cluster of 4, 3 clusters of 2, 200 smaller ones"
+    )
 
 
 def test_where_an_equilibrium_is_or_was_sought_is_said_in_the_unit_of_the_scene() -> None:
