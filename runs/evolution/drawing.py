@@ -1,6 +1,7 @@
 """Pictures of an evolution: top views at chosen cycles, distances over cycles, animation, ends of an ensemble."""
 
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,8 @@ NAMED = 8
 """Largest number of curves that a legend names."""
 CURVES = 40
 """Largest number of pairs whose distances are drawn one by one: more hide each other."""
+LETTER = 0.072
+"""Mean width of a letter of 10 points [inch]."""
 NEIGHBOURS = 1.5
 """Starting distance over the smallest one up to which a pair's distance is drawn."""
 
@@ -80,7 +83,8 @@ def draw_top_views(
         axis.set_title(f"{nearest['cycle']:.3g} cycles")
     _draw_direction(axes[0], direction)
     words = "From above: balls in contact are joined, arrows are T, the grey arrow is the main motion"
-    figure.suptitle(words, fontsize=10, x=0.01, ha="left")
+    lines = textwrap.wrap(words, int(figure.get_figwidth() / LETTER))
+    figure.suptitle("\n".join(lines), fontsize=10, x=0.01, ha="left")
     save_figure(figure, folder, stem)
 
 
@@ -106,7 +110,7 @@ def draw_distances(folder: Path, document: Document, balls: HardBalls, length: U
         distance = np.array([np.hypot(*balls.between(x, pairs).T) for x in places]) / length.size
         colors = colormaps["viridis"](np.linspace(0.0, 0.88, len(pairs)))
         for (i, j), away, color in zip(balls.pairs(pairs), distance.T, colors, strict=True):
-            axis.plot(cycle, away, color=color, label=f"{i} - {j}")
+            axis.plot(cycle, away, color=color, label=f"{i} - {j}", marker="o" if len(path) == 1 else "")
     else:
         nearest = np.array([nearest_distances(x, None) for x in places]) / length.size
         distance = np.quantile(nearest, (0.0, 0.25, 0.5, 0.75, 1.0), axis=1).T
@@ -124,7 +128,7 @@ def draw_distances(folder: Path, document: Document, balls: HardBalls, length: U
             xytext=(-2, -9), textcoords="offset points", ha="right", fontsize=8, color="0.4",
         )  # fmt: skip
     axis.set(xlabel="cycles", ylabel=length.heading("distance of the axes"))
-    axis.set_xlim(0.0, max(float(cycle[-1]), 1e-12))
+    axis.set_xlim(0.0, float(cycle[-1]) or 1.0)
     axis.set_ylim(bottom - 0.12 * max(top - bottom, 0.1 * bottom), top + 0.08 * max(top - bottom, 0.1 * bottom))
     if not each:
         axis.legend(fontsize=8, loc="best")

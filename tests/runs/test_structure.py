@@ -125,3 +125,22 @@ def test_unlike_balls_touch_at_unlike_distances(tmp_path: Path, monkeypatch: pyt
     drawing.draw_distances(tmp_path, {"path": path}, HardBalls(np.array([2.0, 0.5, 2.0])), Unit("m", 1.0))
     (axis,) = drawn
     assert [text.xy[1] for text in axis.texts if text.get_text() == "touching"] == pytest.approx([2.0, 4.0])
+
+
+@pytest.mark.parametrize("path", [[0.0], [0.0, 1.0]])
+def test_a_path_at_rest_and_one_along_y_have_whole_pictures(
+    path: list[float], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figures: list[Any] = []
+    monkeypatch.setattr(drawing, "save_figure", lambda figure, *_: figures.append(figure))
+    x = np.array([[0.0, 5.0 * k] for k in range(5)])
+    places = [{"positions": (1.0 + 0.1 * t) * x, "tangential_force": 0.0 * x, "contacts": [], "cycle": t} for t in path]
+    balls = HardBalls(np.ones(len(x)))
+    drawing.draw_top_views(tmp_path, {"path": places}, balls, balls.radii.tolist(), (0.0, 1.0), Unit("m", 1.0))
+    drawing.draw_distances(tmp_path, {"path": places}, balls, Unit("m", 1.0))
+    views, distances = figures
+    views.draw_without_rendering()
+    assert views._suptitle.get_window_extent().x1 <= views.bbox.width
+    (axis,) = distances.axes
+    assert axis.get_xlim() == (0.0, 1.0)
+    assert (axis.lines[0].get_marker() == "o") == (len(path) == 1)
