@@ -27,6 +27,7 @@ from runs.process.json_values import as_given, plain, to_json
 from runs.scene import messages
 from runs.scene.effects import EFFECTS
 from runs.scene.scene_file import Scene
+from runs.session.session import left_out
 from runs.session.terminal import waiting
 
 PART, SHORTEST, LONGEST = 0.25, 2.0, 5.0
@@ -82,7 +83,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool 
         "advice": [dataclasses.asdict(item) for item in advice],
         "sensitivity": inputs,
         "warnings": _warnings(problem, ahead),
-        "notes": [*notes, *_doubts(problem)],
+        "notes": [*notes, *left_out(scene, model), *_doubts(problem)],
         "evolution": evolution,
     }
     if as_json:

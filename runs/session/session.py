@@ -56,7 +56,7 @@ class Session:
         self.command, self.scene, self.options = command, scene, options
         evolves = command == "evolve"
         self.model, self.problem, notes = choose(standing(scene) if evolves else scene, asked)
-        self.notes = (*notes, *_without_effect(scene, self.model))
+        self.notes = (*notes, *left_out(scene, self.model))
         self.scale = Scale.of(self.problem, scene.data)
         self.steps = scene.steps or (None if command == "compare" else (1.0,))
         signals.resumable(evolves or self.model.parallel or len(self.steps or (1.0,)) > 1)
@@ -242,10 +242,10 @@ def _check_memory(scene: Scene, plan: Mapping[str, Any]) -> None:
         )
 
 
-def _without_effect(scene: Scene, model: Model) -> list[str]:
+def left_out(scene: Scene, model: Model) -> list[str]:
     """Return a note for every table and key of a scene that the model ignores."""
     if model.parallel:
-        return []
+        return ["[output] left out: a drift keeps no fields"] if scene.output is not None and scene.drift else []
     notes = []
     if scene.problem.elements is not None:
         notes.append(f"[elements] left out: {model.name} has no finite elements")

@@ -100,6 +100,13 @@ def test_a_plan_names_a_direction_only_where_there_is_one(
     assert (": separation" in " ".join(capsys.readouterr().out.split())) == (not more)
 
 
+@pytest.mark.parametrize("more", ["", SLIDING])
+def test_a_plan_names_what_the_model_ignores(more: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = scene(tmp_path, '"1 mm"', more=f"{more}[accuracy]\nseconds = 5\n")
+    plan_scene(read_scene(file), None, as_json=False, advises=False)
+    assert "note: [accuracy] seconds left out: linear_bem has no mesh" in " ".join(capsys.readouterr().out.split())
+
+
 def test_a_misspelt_substrate_is_one_fault(tmp_path: Path) -> None:
     with pytest.raises(InvalidScene) as caught:
         read_scene(scene(tmp_path, '"12 mm"', more='[substrat]\nyoung = "1 MPa"\npoisson = 0.3\n'))

@@ -23,8 +23,8 @@ from runs.evolution.drawing import FRAMES, SECONDS
 from runs.evolution.evolving import evolve_scene
 from runs.models import MODELS, Run, standing
 from runs.process import signals
-from runs.scene.scene_file import Scene, read_scene
-from runs.session.session import Options, _without_effect
+from runs.scene.scene_file import OutputTable, Scene, read_scene
+from runs.session.session import Options, left_out
 from tests.launch import ROOT, environment, python, thirdbody
 from tests.test_architecture import HEAVY, LOADED
 
@@ -341,12 +341,15 @@ def test_a_budget_bounds_every_run_of_a_table_and_names_the_table(
 
 def test_what_point_loads_ignore_is_noted(scene: Scene) -> None:
     asked, point_load = replace(scene, tangential_force=1e-6), MODELS["point_load"]
-    at_one_instant, moving = (_without_effect(each, point_load) for each in (standing(asked), asked))
+    at_one_instant, moving = (left_out(each, point_load) for each in (standing(asked), asked))
     assert at_one_instant == ["[accuracy] tangential_force left out: point_load has the accuracy of its law"]
     assert "tangential_force serves the comparison with the full linear model alone" in moving[0]
-    (direct,) = _without_effect(sliding(scene, forces="direct"), point_load)
+    (direct,) = left_out(sliding(scene, forces="direct"), point_load)
     assert direct.startswith('[reciprocation] forces = "direct" left out')
-    assert _without_effect(sliding(asked, forces="direct"), MODELS["linear_bem"]) == []
+    assert left_out(sliding(asked, forces="direct"), MODELS["linear_bem"]) == []
+    written = replace(scene, output=OutputTable())
+    assert left_out(written, MODELS["small_strain"]) == ["[output] left out: a drift keeps no fields"]
+    assert left_out(standing(written), MODELS["small_strain"]) == []
 
 
 def test_an_evolution_by_point_loads_never_loads_dolfinx_the_solver_of_resistance_or_rare_units(tmp_path: Path) -> None:
