@@ -11,15 +11,16 @@ import hashlib
 import json
 import shutil
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from linear_bem.arrays import Array
-from linear_bem.errors import NotConverged, OutputUnusable, UnsupportedProblem
+from linear_bem.errors import NotConverged, UnsupportedProblem
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import Result
 from runs.display.numbers import count, duration
@@ -27,7 +28,7 @@ from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
 from runs.process import ranks
 from runs.process.files import write_text
 from runs.process.json_values import Document, plain, to_json
-from runs.process.locks import take
+from runs.process.locks import alone
 from runs.scene.effects.finite_strain import effect_identity
 
 Solve = Callable[[Problem, Path | None, Sequence[float]], Result]
@@ -181,46 +182,29 @@ class PairTable:
     def complete(self, print_status: Callable[[str], None] = lambda text: None) -> None:
         """Run the missing cases one by one and save each (collective over the model's ranks)."""
         self.states = ranks.share(self.states)
-        if self.missing:
-            with self._locked(print_status) if ranks.is_root() else contextlib.nullcontext():
-                self._complete(print_status)
+        if not self.missing:
+            return
+        lock = self.path.with_name(f".{self.path.stem}.lock")
+        busy = partial(print_status, f"pair table {self.path}: another run makes it now; waiting for that run")
+        with alone(lock, busy, "--tables") if ranks.is_root() else contextlib.nullcontext():
+            self.states = states = ranks.share(self._read())
 
-    @contextlib.contextmanager
-    def _locked(self, print_status: Callable[[str], None]) -> Iterator[None]:
-        """Keep other runs from making the table, and read what they have saved; raises `OutputUnusable` (rank 0)."""
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            lock = open(self.path.with_name(f".{self.path.stem}.lock"), "w", encoding="utf-8")  # noqa: SIM115
-        except OSError as error:
-            raise OutputUnusable(
-                f"{self.path.parent}: cannot write there: {error.strerror or error}; name another --tables"
-            ) from None
-        with lock:
-            if take(lock) is False:
-                print_status(f"pair table {self.path}: another run makes it now; waiting for that run")
-                take(lock, wait=True)
-            self.states = self._read()
-            yield
+            def keep(words: str, seconds: float) -> None:
+                if ranks.is_root():
+                    write_text(self.path, to_json(self.data))
+                    # one ball alone is solved at all depths: its time says nothing about that of a pair
+                    left = f", about {duration(seconds * self.missing)} left" if self.missing and states.pairs else ""
+                    print_status(f"pair table: {words} ({seconds:.1f} s); {count(self.missing, 'run')} to do{left}")
 
-    def _complete(self, print_status: Callable[[str], None]) -> None:
-        self.states = states = ranks.share(self.states)
-
-        def keep(words: str, seconds: float) -> None:
-            if ranks.is_root():
-                write_text(self.path, to_json(self.data))
-                # one ball alone is solved at all depths: its time says nothing about that of a pair
-                left = f", about {duration(seconds * self.missing)} left" if self.missing and states.pairs else ""
-                print_status(f"pair table: {words} ({seconds:.1f} s); {count(self.missing, 'run')} to do{left}")
-
-        if states.single is None:
-            states.single = self._single()
-            keep("one ball alone", states.single.seconds)
-        for distance in self._missing_distances():
-            states.pairs.append(self._pair(distance))
-            keep(f"centre distance {distance / self.touch:.3g} (R1 + R2)", states.pairs[-1].seconds)
-        for name in self._missing_arrangements():
-            states.additivity.append(self._additivity(name))
-            keep(name, states.additivity[-1].seconds)
+            if states.single is None:
+                states.single = self._single()
+                keep("one ball alone", states.single.seconds)
+            for distance in self._missing_distances():
+                states.pairs.append(self._pair(distance))
+                keep(f"centre distance {distance / self.touch:.3g} (R1 + R2)", states.pairs[-1].seconds)
+            for name in self._missing_arrangements():
+                states.additivity.append(self._additivity(name))
+                keep(name, states.additivity[-1].seconds)
 
     def _scaled(self, arrangement: str) -> Places:
         return tuple((x * self.touch, y * self.touch) for x, y in ARRANGEMENTS[arrangement])

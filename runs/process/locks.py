@@ -1,8 +1,12 @@
 """File locks, which the system releases when their process ends: they show whether a run is alive or was killed."""
 
+import contextlib
 import fcntl
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO
+
+from linear_bem.errors import OutputUnusable
 
 RUNNING, STOPPED = "running", "stopped"
 """State that a run writes at its start, and its actual state if its process is gone (killed, or machine failed)."""
@@ -28,3 +32,23 @@ def seen(state: str, path: Path) -> str:
             return STOPPED if take(file) else RUNNING
     except OSError:
         return RUNNING
+
+
+@contextlib.contextmanager
+def alone(path: Path, wait: Callable[[], None], option: str) -> Iterator[None]:
+    """Hold the lock ``path``; ``wait`` is called before waiting for another process that holds it.
+
+    Raises `OutputUnusable` where its folder cannot be written; ``option`` names another.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock = open(path, "w", encoding="utf-8")  # noqa: SIM115  (held as long as the block)
+    except OSError as error:
+        raise OutputUnusable(
+            f"{path.parent}: cannot write there: {error.strerror or error}; name another {option}"
+        ) from None
+    with lock:
+        if take(lock) is False:
+            wait()
+            take(lock, wait=True)
+        yield
