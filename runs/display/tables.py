@@ -81,12 +81,19 @@ def show_balls(
     out: Console, balls: Sequence[Mapping[str, Any]], scale: Scale, title: str, *, periodic: bool = False
 ) -> None:
     """Print the state of every ball; of more than `MANY` balls only those with the largest T, in descending order."""
+    rows, which = some_balls(balls, scale, periodic=periodic)
+    show(out, title + (f": {which}; steps.csv and result.json have all" if which else ""), rows, scale)
+
+
+def some_balls(
+    balls: Sequence[Mapping[str, Any]], scale: Scale, *, periodic: bool = False
+) -> tuple[Sequence[Row], str]:
+    """Return the rows of a table of balls and, where they are too many for one, which are shown."""
     rows = ball_rows(balls, scale, periodic=periodic)
-    if len(balls) > MANY:
-        largest = sorted(range(len(balls)), key=lambda i: -math.hypot(*balls[i]["tangential_force"]))[:SHOWN]
-        rows = [rows[i] for i in largest]
-        title += f": the {SHOWN} largest T of {len(balls)} balls, descending; steps.csv and result.json have all"
-    show(out, title, rows, scale)
+    if len(balls) <= MANY:
+        return rows, ""
+    largest = sorted(range(len(balls)), key=lambda i: -math.hypot(*balls[i]["tangential_force"]))[:SHOWN]
+    return [rows[i] for i in largest], f"the {SHOWN} largest T of {len(balls)} balls, descending"
 
 
 def show_compared_balls(out: Console, rows: Sequence[Row], scale: Scale) -> None:

@@ -11,14 +11,13 @@ from runs.display.numbers import Scale, duration, error_terms, leading_ball, lin
 from runs.display.rows import (
     RATIO,
     SIZE_RATIO,
-    ball_rows,
     compared_line,
     comparison_rows,
     legend_of_balls,
     legend_of_line,
     path_rows,
 )
-from runs.display.tables import LARGEST_T, mesh_words, symbol_of
+from runs.display.tables import LARGEST_T, mesh_words, some_balls, symbol_of
 from runs.process.json_values import Document
 from runs.reporting.folder import Folder
 from runs.scene.scene_file import Tables
@@ -58,11 +57,13 @@ def _common(
     *, periodic: bool = False,
 ) -> Document:  # fmt: skip
     """Return the contents common to solutions and comparisons; ``more``: further facts about the ``ball`` shown."""
+    rows, which = some_balls(balls, scale, periodic=periodic)
     return {
         "ball": ball,
         "facts": _state(balls, ball, scale, solved, periodic=periodic) | more | _account(solved),
         "notes": list(solved["notes"]),
-        "balls": ball_rows(balls, scale, periodic=periodic),
+        "balls": rows,
+        "which_balls": f"{which}; result.json has all; " if which else "",
         "legend": scale.legend(),
         "signs_of_balls": [] if periodic else legend_of_balls(balls, scale),
         "accuracy": _accuracy(solved),
@@ -197,17 +198,20 @@ def _account(solved: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _accuracy(solved: Mapping[str, Any]) -> Document:
-    """Return required and reached accuracy and the meshes; empty for models without mesh refinement."""
+    """Return required and reached accuracy, and the meshes or the balls of a sample; empty for other models."""
     accuracy = solved.get("accuracy") or {}
     if not accuracy:
         return {}
     symbol = symbol_of(_reference(accuracy))
+    asked, reached = accuracy.get("asked") or accuracy["requested"], accuracy["reached"]
     return {
-        **{key: f"{100.0 * accuracy[key]:.2g} %" for key in ("asked", "reached")},
+        "asked": f"{100.0 * asked:.2g} %",
+        "reached": f"{100.0 * reached:.2g} %",
         "relative_to": _reference(accuracy),
         "symbol": symbol,
-        "met": "met" if accuracy.get("met") else "not met",
-        "stopped": accuracy["stopped"],
+        "met": "met" if accuracy.get("met", reached <= asked) else "not met",
+        "stopped": accuracy.get("stopped"),
+        "sample": len(accuracy.get("sample", ())),
         "terms": error_terms(accuracy),
         "meshes": [
             {

@@ -15,10 +15,13 @@ from pathlib import Path
 import pytest
 
 from linear_bem.errors import OutputUnusable
+from runs.commands.solve import solve_scene
 from runs.reporting import page_of
 from runs.reporting.folder import Folder, read_folder
 from runs.reporting.pictures import figure, said_of
+from runs.scene.scene_file import read_scene
 from runs.session.output_folder import MARK
+from runs.session.session import Options
 from tests.launch import ROOT, STAND_IN, headless_browser, thirdbody
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
@@ -221,6 +224,24 @@ def test_a_rendered_picture_says_what_it_shows() -> None:
     assert said_of(moving).startswith("Contact pressure in the deformed layer under its balls: surface, along the load")
     assert said_of(Path("run/surface.png")).startswith("Contact pressure on the layer's surface")
     assert said_of(Path("run/anything_else.png")) == "Anything else"
+
+
+def test_many_balls_have_a_page_with_the_largest_of_them(tmp_path: Path) -> None:
+    places = ", ".join(f"[{3 * (k % 11)}, {3 * (k // 11)}]" for k in range(121))
+    (tmp_path / "many.toml").write_text(
+        f"[layer]\nthickness = 2\nyoung = 1\npoisson = 0.3\n[balls]\nradius = 1\npositions = [{places}]\n"
+        "[load]\napproach = 0.05\n[accuracy]\ntangential_force = 0.1\n",
+        encoding="utf-8",
+    )
+    solve_scene(read_scene(tmp_path / "many.toml"), None, Options(False, tmp_path / "out", False))
+    page = Page(page_of(read_folder(tmp_path / "out")))
+    assert not page.faults
+    text = " ".join(" ".join(page.text).split())
+    assert re.search(
+        r"Asked for: 10 % of the largest tangential force; reached: [\d.]+ % \(met\)\. \d+ of the balls", text
+    )
+    assert "the 20 largest T of 121 balls, descending; result.json has all" in text
+    assert len(page.all("tr")) < 40
 
 
 def test_the_accuracy_asked_and_reached_is_shown_with_its_meshes(tmp_path: Path) -> None:
