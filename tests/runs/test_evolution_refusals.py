@@ -22,6 +22,7 @@ from tests.runs.test_evolution_command import TEXT
         ("evolve", ("[reciprocation]", "[accuracy]\ntangential_force = 0.01\n[nothing]"), "unknown table"),
         ("evolve", ("amplitude = \"80 mm\"", "amplitude = 0"), "[reciprocation] amplitude: must be greater than 0"),
         ("evolve", ("ensemble = 3", "ensemble = 3\nforce = \"pairs\""), 'did you mean "forces"'),
+        ("evolve", ("ensemble = 3", "direction = [\"1 mm\", 0]"), "direction: number 0: must be a plain number"),
         ("evolve", ("radius = \"10 mm\"", "radius = [0.01, 0.01, 0.008]"), 'use forces = "direct"'),
     ],
 )  # fmt: skip
