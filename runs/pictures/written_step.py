@@ -72,8 +72,8 @@ def step_files(run: Path) -> dict[int, Path]:
     if not run.is_dir():
         raise OutputUnusable(f"{run}: is no folder; name the output folder of a finite-element run")
     raise OutputUnusable(
-        f"{run}: holds no written fields (fields/step_*.h5); name the output folder of a finite-element run "
-        "whose [output] has not switched them off"
+        f"{run}: holds no written fields (fields/step_*.h5); wait for its first load step, or name the output "
+        "folder of a finite-element run whose [output] has not switched them off"
     )
 
 

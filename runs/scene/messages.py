@@ -57,6 +57,8 @@ def of_key(error: ErrorDetails, tables: type[BaseModel]) -> str:
             return f"{where}: must be a table, got {_written(error['input'])}; {_example(table, '')}"
         case "literal_error":
             rule = f"must be {error['ctx']['expected']}".replace("'", '"')
+        case "tuple_type":
+            rule = "must be a list"
         case "string_type":
             rule = "must be a string"
         case _:

@@ -84,11 +84,11 @@ def quantity(value: object, unit: str) -> float:
     kind, example = DIMENSIONS[unit]
     if isinstance(value, list):
         raise fault(f"must be one value, {kind}, no list")
-    if not isinstance(value, str):
+    if isinstance(value, int | float) and not isinstance(value, bool):
         return number(value)
-    match = NUMBER_AND_UNIT.fullmatch(value)
+    match = NUMBER_AND_UNIT.fullmatch(value) if isinstance(value, str) else None
     if match is None:
-        comma = "; write decimals with a point" if re.match(r"\s*[-+]?\d+,\d", value) else ""
+        comma = "; write decimals with a point" if re.match(r"\s*[-+]?\d+,\d", str(value)) else ""
         raise fault(f'must be {kind}: a number in {unit}, or a string such as "{example}"{comma}')
     plain = float(match["number"])
     if match["unit"] is None:

@@ -57,9 +57,11 @@ def test_a_file_that_is_no_toml_is_one_fault(content: bytes, tmp_path: Path) -> 
     [
         ('thickness = "10 mm"', "thickness = 10 mm  # thin", 'in quotes: thickness = "10 mm"'),
         ("[load]", '[load]\napproach = "1 mm"', 'reads: approach = "1.5 mm"; a key or a table is given twice'),
+        ('thickness = "10 mm"', "thickness = true", 'must be a length: a number in m, or a string such as "10 mm"'),
+        ("[load]", '[output]\nfields = "gap"\n[load]', "[output] fields: must be a list, got"),
     ],
 )
-def test_a_common_slip_in_toml_gets_its_remedy(old: str, new: str, words: str, tmp_path: Path) -> None:
+def test_a_common_slip_gets_its_remedy(old: str, new: str, words: str, tmp_path: Path) -> None:
     assert old in PAIR
     (found,) = faults(tmp_path, PAIR.replace(old, new, 1))
     assert words in found
