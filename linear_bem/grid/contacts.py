@@ -246,8 +246,8 @@ def grid_levels(start: Start, report: Report = silent) -> Iterator[GridContacts]
         if cells > MOST_CELLS:
             if before is None:
                 raise UnsupportedProblem(
-                    f"linear_bem: {cells} cells are needed to resolve merging "
-                    f"contacts, more than {MOST_CELLS}; use balls of more equal size, fewer balls, or a smaller load"
+                    f"linear_bem: contacts near each other share a grid that resolves the smallest: {cells} cells, "
+                    f"more than {MOST_CELLS}; use balls of more equal size, fewer balls, or a smaller load"
                 )
             return
         report(f"grid of {cells} cells: {len(patches.patches)} patch(es), {count} cells across one contact's patch")
