@@ -18,6 +18,7 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
+from linear_bem.arguments import require_problem
 from linear_bem.arrays import Array
 from linear_bem.coupled_point_loads import PointState, couple, distances, estimated_relations
 from linear_bem.depth import given_by_base, large_strain_note
@@ -28,7 +29,7 @@ from linear_bem.layer.ritz_indentation import Indentation, estimates, indentatio
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.profiles import curvature, is_ball
 from linear_bem.result import BallResult, Result, Solved
-from linear_bem.solver import require_problem, solve_contact
+from linear_bem.solver import solve_contact
 
 LATER_TERMS = 4.0
 """All later terms of the multipole series over its second one, per (a_i^2 + a_j^2) / L^2.

@@ -3,10 +3,10 @@
 import math
 import time
 from dataclasses import dataclass
-from numbers import Integral, Real
 
 import numpy as np
 
+from linear_bem.arguments import require_accuracy, require_sample, require_supported
 from linear_bem.arrays import Array
 from linear_bem.depth import depth_faults, overlap_note
 from linear_bem.doubts import large_strain_notes, loads_of, own_profile_notes
@@ -120,8 +120,7 @@ def solve_contact(
     """
     require_supported(problem)
     require_accuracy(accuracy)
-    if sample is not None and (isinstance(sample, bool) or not (isinstance(sample, Integral) and sample >= 1)):
-        raise InvalidProblem(f"sample: must be a whole number of balls, 1 or more, or None, got {sample!r}")
+    require_sample(sample)
     begun, report = time.perf_counter(), Timed(report)
     problem = problem.without_empty_layer()
     kernel = LayeredKernel.of(problem)
@@ -134,27 +133,6 @@ def solve_contact(
     require_certified(contacts)
     seconds = time.perf_counter() - begun
     return Solution(problem, contacts, answer.error, answer.errors, seconds, notes, answer.accuracy)
-
-
-def require_accuracy(accuracy: float) -> None:
-    """Raise `InvalidProblem` for what is no relative accuracy of T."""
-    if not (isinstance(accuracy, Real) and 0.0 < accuracy < 1.0):
-        raise InvalidProblem(f"accuracy.tangential_force: must be a number between 0 and 1, got {accuracy!r}")
-
-
-def require_problem(problem: object) -> None:
-    """Raise `InvalidProblem` for what is no problem."""
-    if not isinstance(problem, Problem):
-        raise InvalidProblem(f"problem: must be a Problem, as solve(Problem(layer, balls, load)), got {problem!r:.80}")
-
-
-def require_supported(problem: Problem) -> None:
-    """Raise `InvalidProblem` for what is no problem, `UnsupportedProblem` for an effect that this model lacks."""
-    require_problem(problem)
-    if problem.finite_strain is not None:
-        raise UnsupportedProblem(
-            "linear_bem: the effect finite_strain is not part of this model; use finite_strain.solve, or set it to None"
-        )
 
 
 def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Report, sample: int | None) -> Estimated:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from linear_bem.arguments import require_accuracy, require_supported
 from linear_bem.arrays import Array
 from linear_bem.error_estimate import LEAST
 from linear_bem.errors import NotConverged
@@ -16,7 +17,7 @@ from linear_bem.profiles import is_ball
 from linear_bem.sequence.linearised import LinearisedContacts, LinearState
 from linear_bem.smooth.initial_guess import Guess, first_guess
 from linear_bem.smooth.tangential_forces import half_space_pulls
-from linear_bem.solver import require_accuracy, require_supported, solve_contact
+from linear_bem.solver import solve_contact
 
 DEGREES = (4, 6, 8)
 TOLERANCE = 1e-3
