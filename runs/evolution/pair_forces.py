@@ -21,7 +21,7 @@ ratios are constant: T follows the linear decay.
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.interpolate import Akima1DInterpolator, CubicSpline
+from scipy.interpolate import Akima1DInterpolator, CubicSpline, make_interp_spline
 
 from linear_bem.arrays import Array
 from linear_bem.coupled_point_loads import effective_approaches
@@ -95,9 +95,11 @@ class PairLaw:
         self.kernel, self._errors = LayeredKernel.of(problem), errors
         self._thickness = problem.layer.thickness
         self._curves = None
-        self._far = 2.0 * min(ball.radius for ball in problem.balls) * FAR
-        self._terms = next_terms(self.kernel, self._far) if corrected is None else None
-        if corrected is not None:
+        self._terms = None
+        if corrected is None:
+            self._far = 2.0 * min(ball.radius for ball in problem.balls) * FAR
+            self._terms = make_interp_spline(self._far, next_terms(self.kernel, self._far).T, k=1)
+        else:
             distances, influence, pull = corrected
             k, c, k_size, c_size = self.linear(distances)
             self._nodes = np.log(distances)
@@ -119,10 +121,10 @@ class PairLaw:
         That of pull is linear between given ones, as 1/L^2 beyond the last, and contains that of influence.
         ``moments`` (pairs, 3) are the sums of both balls' `SingleBall.moments`, `on_slopes`.
         """
-        none = np.zeros(distance.shape)
         if self._terms is not None:
-            terms = np.stack([np.interp(distance, self._far, row) for row in self._terms])
+            terms = self._terms(np.clip(distance, self._far[0], self._far[-1])).T
             return neglected(terms, distance, pull, moments)
+        none = np.zeros(distance.shape)
         if self._errors is None:
             return none, none
         at, errors = self._errors
