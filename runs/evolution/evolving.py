@@ -38,8 +38,6 @@ FORMAT = 2
 SAVE_INTERVAL, SAVE_RATIO, PROGRESS_INTERVAL = 5.0, 10.0, 10.0
 """Interval [s] between saves of an unfinished path; least such interval over the duration of a save; interval [s]
 between progress lines."""
-SIGMA = "sliding_path_over_friction"
-"""Column of sigma in tables."""
 TABLES = Path("out/pair-tables")
 """Folder of the tables of pairs, which all scenes share."""
 
@@ -203,7 +201,7 @@ class Evolution:
         """Write the arrangement of three or more balls at every kept moment; only new moments are computed."""
         if self.problem.size < 3 and not self._is_layer:
             return
-        known = {line[SIGMA]: line for line in self._arrangements}
+        known = {line[structure.SIGMA]: line for line in self._arrangements}
         self._arrangements = [
             known.get(m.sigma) or {"cycle": self.sliding.cycles_after(m.sigma), **structure.row(m, self.balls)}
             for m in moments
@@ -271,7 +269,8 @@ class Evolution:
         if record.damage:
             notes.append(record.damage)
         if not converged:
-            notes.append("unfinished: the path is not complete; the same command continues it")
+            what = "what follows the path" if record.ended(self.end) else "the path"
+            notes.append(f"unfinished: {what} is not complete; the same command continues it")
         versions = {"python": platform.python_version(), "numpy": np.__version__, "scipy": scipy.__version__}
         steps = record.steps + sum(m.get("steps", 0) for m in members if m["seed"] != self.sliding.seed)
         size, processes = self.problem.size, ranks.rank_and_size()[1]
@@ -292,14 +291,12 @@ class Evolution:
 def rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return one flat row per kept moment and ball; per moment alone where the balls are too many for one file."""
     if document["path"] and "positions" not in document["path"][0]:
-        return [
-            {SIGMA if key == "sigma" else key: value for key, value in moment.items()} for moment in document["path"]
-        ]
+        return [{structure.SIGMA if k == "sigma" else k: v for k, v in moment.items()} for moment in document["path"]]
     keys = ("tangential_force", "tangential_force_error", "normal_force")
     return [
         {
             "cycle": moment["cycle"],
-            SIGMA: moment["sigma"],
+            structure.SIGMA: moment["sigma"],
             "ball": i,
             "position": tuple(x),
             **{key: moment[key][i] for key in keys},

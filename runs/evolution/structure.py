@@ -17,6 +17,8 @@ from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.pair_list import images
 
+SIGMA = "sliding_path_over_friction"
+"""Column of sigma in tables."""
 WAVES = 48
 """Rings of wave numbers, from 0 to two over the smallest touching distance, times 2 pi."""
 FLAT = 1e-3
@@ -105,7 +107,7 @@ def row(moment: Moment, balls: HardBalls) -> dict[str, Any]:
         largest = int(np.argmax(power))
         peak = {"structure_peak": float(power[largest]), "structure_peak_wave_number": float(waves[largest])}
     return {
-        "sliding_path_over_friction": moment.sigma,
+        SIGMA: moment.sigma,
         "nearest_distance_mean": float(np.mean(nearest)),
         "nearest_distance_least": float(np.min(nearest)),
         "clusters": len(sizes),
@@ -125,7 +127,7 @@ def row(moment: Moment, balls: HardBalls) -> dict[str, Any]:
 def waves_of(moments: Sequence[Moment], balls: HardBalls) -> list[dict[str, Any]]:
     """Return the structure factor at each of ``moments``, one row per wave number [1/m]."""
     return [
-        {"sliding_path_over_friction": moment.sigma, "wave_number": k, "structure_factor": s}
+        {SIGMA: moment.sigma, "wave_number": k, "structure_factor": s}
         for moment in moments
         for k, s in zip(
             *(v.tolist() for v in structure_factor(moment.positions, balls.cell, 4.0 * np.pi / balls.smallest)),

@@ -199,6 +199,8 @@ def test_a_killed_run_goes_on_to_the_same_result(
             evolved(scene, tmp_path / "killed")
     half = json.loads((tmp_path / "killed" / "result.json").read_text(encoding="utf-8"))
     assert not half["solved"]["converged"]
+    left_over = "what follows the path" if ends == "in the ensemble" else "the path"
+    assert f"unfinished: {left_over} is not complete; the same command continues it" in half["solved"]["notes"]
     assert 0 < len(half["path"]) <= len(expected["path"])
     with open(tmp_path / "killed" / "steps.csv", encoding="utf-8", newline="") as table:
         assert len(list(csv.DictReader(table))) == len(half["path"]) * len(scene.problem.balls)
