@@ -106,6 +106,13 @@ def zero_line(axes: Any) -> None:
     axes.axhline(0.0, color="0.55", lw=0.8, zorder=0)
 
 
+def dot_lines(axes: Any) -> None:
+    """Draw lines of one point, which have no length, as dots."""
+    for line in axes.lines:
+        if len(line.get_xdata()) == 1:
+            line.set_marker("o")
+
+
 def error_bars(
     axes: Any, points: Sequence[tuple[float, float, float]], numerators: Sequence[float] | None = None, **style: Any
 ) -> None:

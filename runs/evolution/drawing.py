@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from linear_bem.arrays import Array
-from runs.display.style import BLUE, GREY, ORANGE, blank, grid, look, save_figure
+from runs.display.style import BLUE, GREY, ORANGE, blank, dot_lines, grid, look, save_figure
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.record import positions_at, starting_neighbours
 from runs.evolution.structure import nearest_distances
@@ -110,13 +110,14 @@ def draw_distances(folder: Path, document: Document, balls: HardBalls, length: U
         distance = np.array([np.hypot(*balls.between(x, pairs).T) for x in places]) / length.size
         colors = colormaps["viridis"](np.linspace(0.0, 0.88, len(pairs)))
         for (i, j), away, color in zip(balls.pairs(pairs), distance.T, colors, strict=True):
-            axis.plot(cycle, away, color=color, label=f"{i} - {j}", marker="o" if len(path) == 1 else "")
+            axis.plot(cycle, away, color=color, label=f"{i} - {j}")
     else:
         nearest = np.array([nearest_distances(x, None) for x in places]) / length.size
         distance = np.quantile(nearest, (0.0, 0.25, 0.5, 0.75, 1.0), axis=1).T
         axis.fill_between(cycle, *distance[:, [1, 3]].T, color=BLUE, alpha=0.25, lw=0.0, label="half of all balls")
         for k, style, words in ((4, "--", "largest"), (2, "-", "median"), (0, ":", "least")):
             axis.plot(cycle, distance[:, k], color=BLUE, ls=style, label=words)
+    dot_lines(axis)
     top, bottom = float(np.max(distance)), balls.smallest / length.size
     touching = bottom * np.unique(
         np.round(balls.distances(pairs) / balls.smallest, 9)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from linear_bem.arrays import Array
-from runs.display.style import BLUE, GREEN, ORANGE, PURPLE, grid, look, panels, save_figure
+from runs.display.style import BLUE, GREEN, ORANGE, PURPLE, dot_lines, grid, look, panels, save_figure
 from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.pair_list import images
@@ -99,9 +99,10 @@ def draw_structure(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     clusters.set(xlabel="cycles", ylabel="number", yscale="log")
     clusters.yaxis.set_major_formatter(LogFormatter())
     clusters.yaxis.set_minor_formatter(LogFormatter())
-    clusters.legend()
     order.plot(cycle, column("hexatic_local"), color=GREEN, label="mean of |psi_6|")
     order.plot(cycle, column("hexatic_global"), color=PURPLE, label="|mean of psi_6|")
     order.set(xlabel="cycles", ylim=(0.0, 1.0))
-    order.legend()
+    for axis in (clusters, order):
+        dot_lines(axis)
+        axis.legend()
     save_figure(figure, folder, "structure")

@@ -58,3 +58,11 @@ def test_few_balls_carry_their_numbers_and_many_do_not(monkeypatch: pytest.Monke
     assert [text.get_position() for text in axis.texts] == [tuple(place) for place in PLACES / 1e-3]
     (axis,) = drawn(monkeypatch, [10.0 * PLACES]).axes  # small in a wide view
     assert not axis.texts
+
+
+def test_the_structure_of_a_layer_at_rest_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    figures: list[Any] = []
+    monkeypatch.setattr(layer_pictures, "save_figure", lambda figure, *_: figures.append(figure))
+    row = {"cycle": 0.0, "cluster_mean": 1.0, "coordination": 0.0, "hexatic_local": 0.3, "hexatic_global": 0.1}
+    layer_pictures.draw_structure(Path(), [row])
+    assert [line.get_marker() for axis in figures[0].axes for line in axis.lines] == ["o"] * 4

@@ -138,9 +138,11 @@ def test_a_path_at_rest_and_one_along_y_have_whole_pictures(
     balls = HardBalls(np.ones(len(x)))
     drawing.draw_top_views(tmp_path, {"path": places}, balls, balls.radii.tolist(), (0.0, 1.0), Unit("m", 1.0))
     drawing.draw_distances(tmp_path, {"path": places}, balls, Unit("m", 1.0))
-    views, distances = figures
+    crowd = [{"positions": triangular(8, 8, 2.5)[0], "contacts": [], "cycle": t} for t in path]
+    drawing.draw_distances(tmp_path, {"path": crowd}, HardBalls(np.ones(64)), Unit("m", 1.0))
+    views, distances, of_many = figures
     views.draw_without_rendering()
     assert views._suptitle.get_window_extent().x1 <= views.bbox.width
-    (axis,) = distances.axes
-    assert axis.get_xlim() == (0.0, 1.0)
-    assert (axis.lines[0].get_marker() == "o") == (len(path) == 1)
+    for (axis,) in (distances.axes, of_many.axes):
+        assert axis.get_xlim() == (0.0, 1.0)
+        assert (axis.lines[0].get_marker() == "o") == (len(path) == 1)
