@@ -156,7 +156,7 @@ def render(
     """Draw the deformed layer and its balls in three dimensions, and animate the load path."""
     from runs.commands.render import RenderOptions, read_size, render_run  # noqa: PLC0415
 
-    views = {} if view is None else {"views": tuple(view)}
+    views = {} if view is None else {"views": tuple(dict.fromkeys(view))}
     render_run(
         run, RenderOptions(field, step=step, out=out, animation=animation, size=read_size(size), whole=whole, **views)
     )

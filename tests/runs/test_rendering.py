@@ -205,8 +205,8 @@ def test_a_missing_pyvista_is_named_with_the_command_that_mends_it(run: Path, tm
 
 def test_the_command_draws_what_its_options_name(run: Path, tmp_path: Path) -> None:
     out = tmp_path / "pictures"
-    options = ("--field", "displacement", "--view", "surface", "--step", "1", "--size", "320x200", "--no-animation")
-    done = python("-m", "runs.cli", "render", run, "--out", out, *options)
+    options = ("--field", "displacement", "--view", "surface", "--view", "surface", "--step", "1", "--size", "320x200")
+    done = python("-m", "runs.cli", "render", run, "--out", out, "--no-animation", *options)
     assert done.returncode == 0, done.stderr
     assert [path.name for path in out.iterdir()] == ["displacement_surface_step_0001.png"]
     assert pixels(out / "displacement_surface_step_0001.png").shape == (200, 320, 3)
