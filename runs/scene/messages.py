@@ -39,6 +39,7 @@ INSTEAD = {
     "nu": "give poisson",
     "rigid": "the base is rigid where [substrate] is left out",
     "indentation": "give approach",
+    "tolerance": "[accuracy] tangential_force is the accuracy of T, [reciprocation] tolerance that of a drift's steps",
 }
 """What to write in place of keys that people expect."""
 

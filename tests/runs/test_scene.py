@@ -148,6 +148,7 @@ def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
         ('young = "57.4 kPa"', 'young = "9 Pa**9**9**9"', ["[layer] young", "must be a pressure"]),
         ("[layer]", "[layer]\nthicknes = 3", ["[layer] thicknes", 'did you mean "thickness"']),
         ("[layer]", "[layer]\nradius = 3", ["[layer] radius", "belongs in [balls]"]),
+        ("[load]", "[accuracy]\ntolerance = 0.1\n[load]", ["[accuracy] tolerance", "[accuracy] tangential_force is"]),
         ("[load]", "[finite_strain.ogden]\na = 1\n[load]", ["[finite_strain] ogden", 'write law = "ogden"']),
         ("[layer]", "[lair]\na = 1\n[layer]", ["lair", 'did you mean "layer"']),
         ("[layer]", "layers = 3\n[layer]", ["layers", 'did you mean "layer"']),
