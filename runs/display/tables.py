@@ -82,7 +82,7 @@ def show_balls(
 ) -> None:
     """Print the state of every ball; of more than `MANY` balls only those with the largest T, in descending order."""
     rows, which = some_balls(balls, scale, periodic=periodic)
-    show(out, title + (f": {which}; steps.csv and result.json have all" if which else ""), rows, scale)
+    show(out, title + (f": {which}" if which else ""), rows, scale)
 
 
 def some_balls(
@@ -93,7 +93,7 @@ def some_balls(
     if len(balls) <= MANY:
         return rows, ""
     largest = sorted(range(len(balls)), key=lambda i: -math.hypot(*balls[i]["tangential_force"]))[:SHOWN]
-    return [rows[i] for i in largest], f"the {SHOWN} largest T of {len(balls)} balls, descending"
+    return [rows[i] for i in largest], f"the {SHOWN} largest T of {len(balls)} balls, descending; result.json has all"
 
 
 def show_compared_balls(out: Console, rows: Sequence[Row], scale: Scale) -> None:

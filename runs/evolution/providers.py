@@ -160,7 +160,7 @@ def planned_table(
     except (InvalidProblem, UnsupportedProblem) as error:
         if not str(error).startswith("load.approach"):
             raise
-        alone = f"for the table of pairs, one ball alone is pressed to {DEPTHS[-1]:g} of the approach"
+        alone = f"lower it: for the table of pairs, one ball alone is pressed to {DEPTHS[-1]:g} of the approach"
         raise type(error)(f"{error}; {alone}") from None
 
 

@@ -63,7 +63,7 @@ def _common(
         "facts": _state(balls, ball, scale, solved, periodic=periodic) | more | _account(solved),
         "notes": list(solved["notes"]),
         "balls": rows,
-        "which_balls": f"{which}; result.json has all; " if which else "",
+        "which_balls": f"{which}; " if which else "",
         "legend": scale.legend(),
         "signs_of_balls": [] if periodic else legend_of_balls(balls, scale),
         "accuracy": _accuracy(solved),

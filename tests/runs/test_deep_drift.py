@@ -87,7 +87,7 @@ def test_a_plan_refused_by_the_elements_names_file_and_key(tmp_path: Path) -> No
         cli.plan(file, no_advice=True)
     file = scene(tmp_path, '"8.8 mm"', more=f"{SLIDING}[finite_strain]\n")
     with pytest.raises(
-        UnsupportedProblem, match=r"9.24 mm \(written .* one ball alone is pressed to 1.05 of the approach"
+        UnsupportedProblem, match=r"9.24 mm \(written .*; lower it: .* one ball alone is pressed to 1.05"
     ):
         cli.plan(file, no_advice=True)
 

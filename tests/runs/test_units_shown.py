@@ -152,7 +152,7 @@ def test_a_table_of_many_balls_shows_the_largest_forces(tmp_path: Path) -> None:
     shown = sorted(range(len(many)), key=lambda i: -((37 * i) % len(many)))[: tables.SHOWN]
     tables.show_balls(Console(file=text, width=200), many, Scale.of(read.problem, read.data), "many")
     printed = text.getvalue()
-    assert "the 20 largest T of 101 balls, descending" in printed
+    assert "the 20 largest T of 101 balls, descending; result.json has all" in printed
     first = [line.split()[0] for line in printed.splitlines() if line.split()]
     assert [int(word) for word in first if word.isdigit()] == shown
 
