@@ -29,6 +29,8 @@ CURVES = 40
 """Largest number of pairs whose distances are drawn one by one: more hide each other."""
 LETTER = 0.072
 """Mean width of a letter of 10 points [inch]."""
+APART = 0.06
+"""Distance of two horizontal lines over the height of the curves from which each has a label."""
 NEIGHBOURS = 1.5
 """Starting distance over the smallest one up to which a pair's distance is drawn."""
 
@@ -119,18 +121,20 @@ def draw_distances(folder: Path, document: Document, balls: HardBalls, length: U
             axis.plot(cycle, distance[:, k], color=BLUE, ls=style, label=words)
     dot_lines(axis)
     top, bottom = float(np.max(distance)), balls.smallest / length.size
-    touching = bottom * np.unique(
-        np.round(balls.distances(pairs) / balls.smallest, 9)
-    )  # unlike pairs, unlike distances
-    for at in touching if each and len(touching) <= NAMED else [bottom]:
+    height = max(top - bottom, 0.1 * bottom)
+    touching = np.unique(np.round(balls.distances(pairs) / balls.smallest, 9))  # unlike pairs, unlike distances
+    below = -math.inf
+    for at in bottom * (touching if each and len(touching) <= NAMED else np.ones(1)):
         axis.axhline(at, color="0.55", lw=0.8, ls=":", zorder=0)
-        axis.annotate(
-            "touching", (1.0, at), xycoords=("axes fraction", "data"),
-            xytext=(-2, -9), textcoords="offset points", ha="right", fontsize=8, color="0.4",
-        )  # fmt: skip
+        if at - below > APART * height:
+            axis.annotate(
+                "touching", (1.0, at), xycoords=("axes fraction", "data"),
+                xytext=(-2, -9), textcoords="offset points", ha="right", fontsize=8, color="0.4",
+            )  # fmt: skip
+        below = at
     axis.set(xlabel="cycles", ylabel=length.heading("distance of the axes"))
     axis.set_xlim(0.0, float(cycle[-1]) or 1.0)
-    axis.set_ylim(bottom - 0.12 * max(top - bottom, 0.1 * bottom), top + 0.08 * max(top - bottom, 0.1 * bottom))
+    axis.set_ylim(bottom - 0.12 * height, top + 0.08 * height)
     if not each:
         axis.legend(fontsize=8, loc="best")
         axis.set_title("distance of each ball to the nearest other one", fontsize=9)

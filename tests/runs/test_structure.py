@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -122,9 +123,12 @@ def test_unlike_balls_touch_at_unlike_distances(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(drawing, "save_figure", lambda figure, *_: drawn.append(figure.axes[0]))
     x = np.array([[-2.1, 0.0], [0.0, 0.5], [2.1, 0.0]])
     path = [{"cycle": cycle, "positions": x, "contacts": [[0, 2]]} for cycle in (0.0, 1.0)]
-    drawing.draw_distances(tmp_path, {"path": path}, HardBalls(np.array([2.0, 0.5, 2.0])), Unit("m", 1.0))
-    (axis,) = drawn
-    assert [text.xy[1] for text in axis.texts if text.get_text() == "touching"] == pytest.approx([2.0, 4.0])
+    for last, lines in ((2.0, [2.0, 4.0]), (1.95, [math.sqrt(3.9), 2.0, math.sqrt(15.6)])):
+        drawing.draw_distances(tmp_path, {"path": path}, HardBalls(np.array([2.0, 0.5, last])), Unit("m", 1.0))
+        at = [line.get_ydata()[0] for line in drawn[-1].lines if line.get_linestyle() == ":"]
+        assert at == pytest.approx(lines)
+        labels = [text.xy[1] for text in drawn[-1].texts if text.get_text() == "touching"]
+        assert labels == pytest.approx([lines[0], lines[-1]])  # those of two lines close together would overlap
 
 
 @pytest.mark.parametrize("path", [[0.0], [0.0, 1.0]])
