@@ -19,6 +19,7 @@ from linear_bem.errors import NotConverged
 from linear_bem.far_field.coupled_system import Influence, solve_coupled
 from linear_bem.layer.ritz_indentation import estimates
 from linear_bem.load_control import deepest
+from linear_bem.media import Elastic, Layer
 from linear_bem.problem import Problem
 from linear_bem.report import Report, silent
 
@@ -48,14 +49,14 @@ def distances(points: Array) -> Array:
     return r
 
 
-def estimated_relations(problem: Problem, radii: Array) -> tuple[Relation, Relation]:
+def estimated_relations(layer: Layer, substrate: Elastic | None, radii: Array) -> tuple[Relation, Relation]:
     """Return the functions force(approach) and approach(force) of isolated paraboloids with these radii [m] (Ritz)."""
 
     def force(approaches: Array) -> Array:
-        return estimates(problem.layer, problem.substrate, radii, "approach", approaches)[1]
+        return estimates(layer, substrate, radii, "approach", approaches)[1]
 
     def approach(forces: Array) -> Array:
-        return estimates(problem.layer, problem.substrate, radii, "normal_force", forces)[0]
+        return estimates(layer, substrate, radii, "normal_force", forces)[0]
 
     return force, approach
 

@@ -15,6 +15,8 @@ from linear_bem.smooth.tangential_forces import half_space_pulls, layer_pulls
 
 LEAST = 1e-9
 """Smallest relative error of all quantities: that of the kernel's table."""
+IN_CELL, IN_CELL_COARSE = 1e-8, 3e-7
+"""Relative error of sums in a periodic cell with the finest rule (`kernel_split.IN_CELL`) and with that before it."""
 LIGHT = 0.1
 """Relative error of a ball's force per gap in contact over its own depth (up to 0.04 measured), see `_light_shares`."""
 KINK = 20.0
@@ -86,6 +88,20 @@ def least_error(contacts: Contacts) -> Array:
     softest = thickness if np.isfinite(thickness) else 0.0
     # the table's error fades where the layer's 1/r and the substrate's cancel
     return np.asarray(1e-9 * contrast * pulls(contacts, softest, 100.0 * contrast * thickness))
+
+
+def least_share(contacts: Contacts) -> float:
+    """Return the least relative error of all quantities: `LEAST`, and that of the sums in a periodic cell.
+
+    The latter is relative to the dent of all forces, which the images nearly cancel on a base softer than the layer.
+    """
+    kernel = contacts.kernel
+    if kernel.cell is None or not isinstance(contacts, SmoothContacts):
+        return LEAST
+    dent = max(float(kernel.smooth(0.0)), 1.0 / float(np.min(kernel.cell.lengths)))
+    dent *= kernel.singular * float(np.sum(contacts.normal_forces))
+    of_sums = IN_CELL if contacts.precision < 1e-7 else IN_CELL_COARSE
+    return LEAST + of_sums * dent / deepest(contacts.approaches)
 
 
 def route_difference(contacts: Contacts) -> Array:
@@ -208,7 +224,8 @@ def errors_of_one(contacts: Contacts) -> Errors:
     share = peak / np.where(values["peak_pressure"] > 0.0, values["peak_pressure"], math.inf)
     force = np.maximum(0.2 * gap, _light_shares(contacts))
     shares = {"normal_force": force, "approach": 0.2 * gap, "peak_pressure": share, "contact_area": share}
-    return _at_prescribed_load(contacts, {name: (shares[name] + LEAST) * np.abs(v) for name, v in values.items()})
+    least = least_share(contacts) + 3.0 * contacts.smooth.residual
+    return _at_prescribed_load(contacts, {name: (shares[name] + least) * np.abs(v) for name, v in values.items()})
 
 
 def edge_peak(contacts: GridContacts) -> float:
@@ -251,7 +268,7 @@ def errors_by_change(before: Contacts, after: Contacts, previous: Errors | None 
     estimate, whichever is larger, plus `_on_one_grid`.
     """
     old, new = quantities(before), quantities(after)
-    errors = {name: np.abs(new[name] - old[name]) + LEAST * np.abs(new[name]) for name in new}
+    errors = {name: np.abs(new[name] - old[name]) + least_share(after) * np.abs(new[name]) for name in new}
     if isinstance(after, GridContacts) and isinstance(before, GridContacts):
         known, left = _on_one_grid(before), _on_one_grid(after)
         for name, error in errors.items():

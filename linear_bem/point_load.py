@@ -158,7 +158,7 @@ def solve_point_load(problem: Problem) -> Result:
 def _coupled(problem: Problem, mutual: Array) -> tuple[list[_Single], PointState]:
     """Return the relation of every ball and the state of all, whose forces lie in the range of the relations."""
     radii = np.array([ball.radius for ball in problem.balls])
-    rough = couple(problem, mutual, *estimated_relations(problem, radii)).effective
+    rough = couple(problem, mutual, *estimated_relations(problem.layer, problem.substrate, radii)).effective
     singles: list[_Single] = []
 
     def relation(d: Array) -> Array:

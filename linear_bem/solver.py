@@ -53,7 +53,10 @@ GRIDDED = 500
 SUMMED = 2.0
 """Error of T by the sums over pairs and images, over their precision times `felt`: up to 1.3 measured in cells."""
 USABLE = 1e-2
-"""Largest error of T over its size of polynomials that miss the accuracy but are used where no grid is better."""
+"""Largest error of T over its size of polynomials that miss the accuracy but are used where no grid is better; in a
+periodic cell, which has no grids, the change of forces and approaches may meet it instead (T vanishes in a lattice)."""
+FINEST = 5e-8
+"""Largest precision of sums over pairs in a periodic cell: sums then use the finest rule of `kernel_split.IN_CELL`."""
 DEGREES = (2, 4, 6, 8, 10, 12)
 """Degrees of the polynomials p^2, in the order of trial."""
 
@@ -161,7 +164,7 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
         best = smooth
     if kernel.cell is None:
         return _on_grids(guess, wanted, report, best)
-    if best is not None and best.reached <= USABLE:
+    if best is not None and min(best.reached, best.settled) <= USABLE:
         return best.estimated(wanted)
     raise UnsupportedProblem(
         "periodic: the contacts did not converge as smooth pressures, and contacts on grids (for merging contacts, "
@@ -214,10 +217,13 @@ def _by_polynomials(guess: Start, wanted: float, report: Report) -> Estimated | 
     before: SmoothContacts | None = None
     many = len(guess.touching) > DENSE or guess.kernel.cell is not None
     precision = min(1e-6, (1e-3 if many else 1e-4) * wanted)
+    of_pairs = None
+    if guess.kernel.cell is not None:  # images nearly cancel the dent of a base softer than the layer
+        of_pairs = max(min(precision, FINEST) / max(guess.kernel.far_ratio, 1.0), 1e-9)
     degrees = iter(DEGREES)
     while (degree := next(degrees, None)) is not None:
         try:
-            after = smooth_state(before or guess, degree, precision, report=report)
+            after = smooth_state(before or guess, degree, precision, of_pairs, report)
         except Touched as touched:
             guess, before, candidates, degrees = touched.added_to(guess), None, [], iter(DEGREES)
             continue

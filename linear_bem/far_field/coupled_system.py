@@ -21,6 +21,8 @@ class Influence(Protocol):
 
 DIRECT = 600
 """Number of balls up to which the matrix is formed and factored."""
+FEW = 30
+"""The same where products with the influence need a mesh."""
 RESIDUAL = 1e-10
 """Relative residual of conjugate gradients."""
 _NAMED = "rtol" if "rtol" in signature(cg).parameters else "tol"
@@ -37,12 +39,16 @@ def solve_coupled(
     """
     count = len(right)
     if isinstance(influence, PointInfluence) and count <= DIRECT and influence.mesh is None:
-        influence = influence.near.toarray()
+        influence = influence.near.toarray() - influence.own * np.eye(count)
+    elif isinstance(influence, PointInfluence) and count <= FEW:
+        influence = np.array([influence @ load for load in np.eye(count)])
     if isinstance(influence, np.ndarray) and count <= DIRECT:
         matrix = influence[np.ix_(free, free)] + np.diag(compliance[free])
         out = np.zeros(count)
         out[free] = np.linalg.solve(matrix, right[free])
         return out
+    if np.any(compliance[free] <= 0.0):
+        raise NotConverged("point loads: a ball's own compliance is not positive; press the balls less deep")
     # symmetric scaling by the compliances makes the diagonal 1
     scale = np.where(free, 1.0 / np.sqrt(np.where(free, compliance, 1.0)), 0.0)
     operator = LinearOperator((count, count), lambda q: q + scale * (influence @ (scale * q)))

@@ -194,7 +194,10 @@ def _sizes(apart: float, of_layer: float, count: int) -> list[float]:
 
 
 class PointInfluence:
-    """K(L_ij) over ``singular`` times ``unit`` between many points as a symmetric operator, 0 on the diagonal."""
+    """K(L_ij) over ``singular`` times ``unit`` between many points as a symmetric operator.
+
+    ``own`` is subtracted on the diagonal: at first what the mesh adds there, so that 0 is left, or the own images.
+    """
 
     def __init__(self, field: FarField, points: Array, unit: float = 1.0) -> None:
         n = len(points)
@@ -202,14 +205,14 @@ class PointInfluence:
         values = unit * (field.kernel.scaled(r) if field.split is None else field.split.near(r))
         rows, columns = np.concatenate([field.first, field.second]), np.concatenate([field.second, field.first])
         self.near = csr_matrix((np.concatenate([values, values]), (rows, columns)), shape=(n, n))
-        self.mesh, self.unit = field.mesh, unit
+        self.mesh, self.unit, self.own = field.mesh, unit, 0.0
         if field.mesh is not None and field.split is not None:
             self._points = field.mesh.at(points[:, 0], points[:, 1])
-            self._own = unit * float(field.split.far(np.zeros(1))[0])
+            self.own = unit * float(field.split.far(np.zeros(1))[0])
 
     def __matmul__(self, loads: Array) -> Array:
         """Return the displacement at every point due to the loads at all other points."""
-        out = self.near @ loads
+        out = self.near @ loads - self.own * loads
         if self.mesh is not None:
-            out = out + self.unit * self.mesh.potential(self._points, loads) - self._own * loads
+            out = out + self.unit * self.mesh.potential(self._points, loads)
         return np.asarray(out)

@@ -162,8 +162,8 @@ class LayeredKernel:
 
     ``singular`` = (1 - nu1^2)/(pi E1) [m^2/N] multiplies 1/r + s(r/h)/h. The table of s depends on
     (nu1, nu2, E1/E2) only and is cached; spline error below 1e-11 in s, 1e-9 in its slope, relative to 1 + G(0). The
-    ``thickness`` h [m] is that of the layer; for a `SurfaceResponse`, the scale that `MeasuredResponse` finds. ``cell``
-    is the periodic cell, if any; all functions of r here refer to a single load.
+    ``thickness`` h [m] is that of the layer; for a `SurfaceResponse`, the scale that `MeasuredResponse` finds; infinite
+    for equal materials. ``cell`` is the periodic cell, if any; all functions of r here refer to a single load.
     """
 
     cell: Cell | None = None
@@ -180,7 +180,9 @@ class LayeredKernel:
         self._response = response_of(layer, substrate)
         if isinstance(self._response, MeasuredResponse):
             self.thickness, self.homogeneous = self._response.thickness, self._response.homogeneous
-        if not self.homogeneous:
+        if self.homogeneous:
+            self.thickness = np.inf  # a contact is never wide against a layer of its base's material
+        else:
             self._table = _table(*scaled_media(layer, substrate))
 
     @classmethod

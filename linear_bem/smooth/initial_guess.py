@@ -8,13 +8,14 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from linear_bem.arrays import Array
-from linear_bem.coupled_point_loads import PointState, couple, estimated_relations
+from linear_bem.coupled_point_loads import PointState, Relation, couple, estimated_relations
 from linear_bem.errors import NotConverged
 from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
 from linear_bem.indenter import Cone, Punch, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.layer.ritz_indentation import estimates
 from linear_bem.load_control import force_groups
+from linear_bem.media import Elastic, Layer
 from linear_bem.problem import Ball, Problem
 from linear_bem.profiles import curvature, height, is_ball, mean_height
 from linear_bem.report import Report, seldom, silent
@@ -40,6 +41,10 @@ ALONE = 0.5
 """Effective over given approach if the coupled point loads have no solution."""
 
 
+Media = tuple[Layer, Elastic | None]
+"""Layer and substrate."""
+
+
 @dataclass(frozen=True)
 class Start:
     """First guess: which balls touch, their zones, and all approaches [m]."""
@@ -63,16 +68,21 @@ def first_guess(problem: Problem, kernel: LayeredKernel, report: Report = silent
     """
     field = FarField.of(kernel, problem.positions, np.zeros(problem.size), GUESSED)
     mutual = PointInfluence(field, problem.positions, kernel.singular)
+    media: Media = problem.layer, problem.substrate
+    if kernel.cell is not None and kernel.far_ratio > 1.0:
+        # images nearly cancel the dent of a soft base: added to the layer's half-space, it cancels exactly
+        mutual.own -= kernel.singular * float(kernel.smooth(0.0))
+        media = Layer(problem.layer.young, problem.layer.poisson, np.inf), None
     radii = np.array([ball.radius for ball in problem.balls], dtype=float)
     others = [i for i, ball in enumerate(problem.balls) if not is_ball(ball)]
-    state = _coupled(problem, mutual, radii, report)
+    state = _coupled(problem, mutual, estimated_relations(*media, radii), report)
     for _ in range(4 if others else 0):
         kind, values = "normal_force", state.forces
         if problem.load.kind == "approach":
             kind, values = "approach", state.effective
         pressed = [i for i in others if values[i] > 0.0]
-        radii[pressed] = _radii_seen(problem, [problem.balls[i] for i in pressed], kind, values[pressed])
-        state = _coupled(problem, mutual, radii, report)
+        radii[pressed] = _radii_seen(media, [problem.balls[i] for i in pressed], kind, values[pressed])
+        state = _coupled(problem, mutual, estimated_relations(*media, radii), report)
     report("contacts")
     touching = tuple(np.flatnonzero(state.forces > 0.0).tolist())
     zones = []
@@ -87,12 +97,13 @@ def first_guess(problem: Problem, kernel: LayeredKernel, report: Report = silent
     return Start(problem, kernel, touching, stacked(zones), state.approaches)
 
 
-def _coupled(problem: Problem, mutual: PointInfluence, radii: Array, report: Report) -> PointState:
+def _coupled(
+    problem: Problem, mutual: PointInfluence, relations: tuple[Relation, Relation], report: Report
+) -> PointState:
     """Return the coupled point-load estimate of paraboloids of these radii [m].
 
     Contacts that merge under given approaches have none: the balls would lift each other. `ALONE` then replaces it.
     """
-    relations = estimated_relations(problem, radii)
     try:
         return couple(problem, mutual, *relations, GUESSED, report)
     except NotConverged:
@@ -111,13 +122,13 @@ def light_touch(ball: Ball, place: tuple[float, float], depth: float) -> Zone:
     return _hertz_zone(place, axes, 2.0 * radius / (np.pi**2 * ball.radius))
 
 
-def _radii_seen(problem: Problem, balls: Sequence[Ball], kind: str, values: Array) -> Array:
+def _radii_seen(media: Media, balls: Sequence[Ball], kind: str, values: Array) -> Array:
     """Return the radii R [m] of paraboloids with the mean height of the balls at their estimated contact edges."""
     own = np.array([ball.radius for ball in balls])
     low, high = own * 1e-9, own * 1e9
     for _ in range(40):  # bisection starts near the ball's own size: profiles may overflow far from it
         middle = np.sqrt(low * high)
-        edges = estimates(problem.layer, problem.substrate, middle, kind, values)[2]
+        edges = estimates(*media, middle, kind, values)[2]
         heights = np.array([mean_height(ball, float(edge)) for ball, edge in zip(balls, edges, strict=True)])
         flatter = 2.0 * heights * middle >= edges**2
         low, high = np.where(flatter, low, middle), np.where(flatter, middle, high)

@@ -71,7 +71,12 @@ def sweep_zones(
     said = seldom(report, f"degree {zones.degree}: ")
     interaction = None if apart else Interaction(kernel, nodes, pair_precision or tolerance, said)
     influence: Influence = np.zeros((len(zones), len(zones))) if interaction is None else interaction.influence
-    equations = OwnEquations(kernel, rule, pair_precision or tolerance)
+    images = 0.0
+    if interaction is not None and kernel.cell is not None and not kernel.homogeneous:
+        # what its own images add at a ball nearly cancels its own displacement of a soft base: they belong together
+        images = float((interaction.influence @ np.eye(len(zones))[0])[0])
+        interaction.influence.own += images
+    equations = OwnEquations(kernel, rule, pair_precision or tolerance, images)
     forces = nodes.forces
     for members, force in groups:
         if len(members) == 1:
@@ -86,10 +91,12 @@ def sweep_zones(
     shrinking = np.zeros(len(zones), dtype=int)
     for sweep in range(limit):
         outside = np.zeros(nodes.x.shape) if interaction is None else interaction.displacement()
+        outside -= images * nodes.forces[:, None]
         profile = np.array([shape(x, y) for shape, x, y in zip(shapes, nodes.x, nodes.y, strict=True)])
         step = f"degree {zones.degree}, sweep {sweep + 1}: "
         steps = equations.step(nodes, outside, profile, forces, sizes > RENEWED, seldom(report, step))
-        before, found = nodes.zone, steps.approaches
+        # a step ends at the force wanted only to first order: the difference acts on the others, too
+        before, found = nodes.zone, steps.approaches + influence @ (forces - nodes.forces)
         wanted = np.where(fixed, approaches, found)
         more, level = _balance(influence, steps.compliances, found, forces, wanted, fixed, shared)
         new_forces = np.maximum(forces + more, LEAST_SHARE * forces)

@@ -42,8 +42,8 @@ class Steps:
 class OwnEquations:
     """The equations of many balls, each under its own force, without the balls' influence on each other."""
 
-    def __init__(self, kernel: LayeredKernel, rule: Rule, precision: float) -> None:
-        self.kernel, self.rule, self.precision = kernel, rule, precision
+    def __init__(self, kernel: LayeredKernel, rule: Rule, precision: float, images: float = 0.0) -> None:
+        self.kernel, self.rule, self.precision, self.images = kernel, rule, precision, images
         self._matrices = np.empty((0, 0, 0))
 
     def step(
@@ -85,7 +85,8 @@ class OwnEquations:
         if not self.kernel.homogeneous:
             u, v, received, loads = _at_nodes(n, phi, test, smooth)
             x, y = zones.points(u, v)
-            s = self.kernel.smooth(hypotenuse(x[:, :, None] - x[:, None, :], y[:, :, None] - y[:, None, :]))
+            r = hypotenuse(x[:, :, None] - x[:, None, :], y[:, :, None] - y[:, None, :])
+            s = self.kernel.smooth(r) + self.images
             own += np.einsum("ntk,nk->nt", received, np.einsum("nab,nb->na", s, loads))
             if renew:
                 matrix += received @ s @ received.transpose(0, 2, 1)

@@ -147,7 +147,8 @@ def _path(scene: Scene, problem: Problem) -> Followed:
     depths = np.array(DEPTHS) * max(problem.load.values)
 
     def estimated(ball: Ball) -> Alone:
-        return list(estimated_relations(problem, np.full(len(depths), ball.radius))[0](depths)), 0.0
+        radii = np.full(len(depths), ball.radius)
+        return list(estimated_relations(problem.layer, problem.substrate, radii)[0](depths)), 0.0
 
     return _followed(scene, problem, point_loads(problem, balls_of(scene).cell, estimated))
 

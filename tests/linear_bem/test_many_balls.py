@@ -6,9 +6,11 @@ from scipy.spatial import cKDTree
 
 import linear_bem.smooth.initial_guess
 import linear_bem.solver
-from linear_bem import Ball, Elastic, Layer, Load, Problem, solve, solve_contact
+from linear_bem import Ball, Elastic, Layer, LayeredKernel, Load, Problem, solve, solve_contact
+from linear_bem.lifted_balls import smooth_state
 from linear_bem.smooth.contacts import EVALUATED
 from linear_bem.smooth.displacement import DirectSums, zone_displacement
+from linear_bem.smooth.initial_guess import first_guess
 from linear_bem.smooth.newton import Nodes
 from tests.linear_bem.conftest import PAPER_LOAD
 from tests.linear_bem.sampled_scenes import forces, scene
@@ -21,6 +23,17 @@ def loads(result):
 def block(load, thickness=1.16, count=3):
     xy = [(2.0 * i, 2.0 * j) for i in range(count) for j in range(count)]
     return Problem(Layer(1.0, 0.48, thickness), tuple(Ball(p, 1.0, "paraboloid") for p in xy), load, Elastic(1e3, 0.3))
+
+
+def test_sweeps_converge_where_the_dent_of_a_soft_base_is_common_to_all_balls():
+    # a force that misses its aim moves all others by far more than its own ball
+    places, radii = ((1.4, 7.0), (3.1, 4.9), (0.5, 1.4), (1.2, 3.6), (2.7, 0.3)), (1.0, 0.8, 0.6, 0.9, 0.5)
+    balls = tuple(Ball(place, radius) for place, radius in zip(places, radii, strict=True))
+    problem = Problem(Layer(1.0, 0.0, 0.74), balls, Load("approach", (0.0028,) * 5), Elastic(1.4e-6, 0.0))
+    start = first_guess(problem, LayeredKernel.of(problem))
+    lines = []
+    smooth_state(start, 4, 1e-6, report=lines.append)
+    assert sum("change" in line for line in lines) <= 6
 
 
 @pytest.mark.parametrize(
