@@ -38,7 +38,7 @@ from linear_bem.report import Report, Timed, seldom, silent
 from linear_bem.result import Result
 from linear_bem.sampled_solution import require_memory, solve_by_sample
 from linear_bem.smooth.contacts import CHECKED, SmoothContacts
-from linear_bem.smooth.initial_guess import DENSE, Start, first_guess
+from linear_bem.smooth.initial_guess import DENSE, ROUGHEST, Start, first_guess
 from linear_bem.solution import Estimated, Solution, is_certified, require_certified
 
 WORTH_KEEPING = 5.0
@@ -166,10 +166,11 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
         return _on_grids(guess, wanted, report, best)
     if best is not None and min(best.reached, best.settled) <= USABLE:
         return best.estimated(wanted)
+    width = f"{np.max(guess.zones.radius) / kernel.thickness:.2g}"
     raise UnsupportedProblem(
-        "periodic: the contacts did not converge as smooth pressures, and contacts on grids (for merging contacts, "
-        "sharp tips, punches, contacts wider than the layer is thick) have no cell; press the balls less deep, "
-        "or drop the effect"
+        f"periodic: the contacts did not converge as smooth pressures (radius up to {width} layer thicknesses, "
+        f"possible up to {ROUGHEST:g}), and contacts on grids (for merging contacts, sharp tips, punches, contacts wider "
+        "than the layer is thick) have no cell; press the balls less deep, or drop the effect"
     )
 
 

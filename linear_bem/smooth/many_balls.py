@@ -94,7 +94,8 @@ def sweep_zones(
         outside -= images * nodes.forces[:, None]
         profile = np.array([shape(x, y) for shape, x, y in zip(shapes, nodes.x, nodes.y, strict=True)])
         step = f"degree {zones.degree}, sweep {sweep + 1}: "
-        steps = equations.step(nodes, outside, profile, forces, sizes > RENEWED, seldom(report, step))
+        with np.errstate(all="ignore"):  # diverging sweeps may overflow before they end
+            steps = equations.step(nodes, outside, profile, forces, sizes > RENEWED, seldom(report, step))
         # a step ends at the force wanted only to first order: the difference acts on the others, too
         before, found = nodes.zone, steps.approaches + influence @ (forces - nodes.forces)
         wanted = np.where(fixed, approaches, found)

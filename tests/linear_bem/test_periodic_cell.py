@@ -222,6 +222,12 @@ def test_a_thin_layer_of_the_material_of_its_base_is_part_of_it():
     np.testing.assert_allclose(found[1][1][:, 1:], found[0][1][:, 1:], rtol=1e-9)
 
 
+def test_a_contact_too_wide_for_a_cell_is_named():
+    problem = replace(cell(Load("approach", (0.1, 0.1, 0.1))), layer=replace(LAYER, thickness=0.15))
+    with pytest.raises(UnsupportedProblem, match=r"radius up to 2.\d layer thicknesses, possible up to 1.5.*less deep"):
+        solve_contact(problem, ACCURACY)
+
+
 def test_errors_on_a_very_soft_base_contain_those_of_the_sums_over_images():
     problem = Problem(
         Layer(1.0, 0.3, 0.72), (Ball((0.6, 1.1), 1.0, "paraboloid"),), Load("force", (1.4e-4,)), Elastic(2.8e-4, 0.3),
