@@ -169,8 +169,8 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
     width = f"{np.max(guess.zones.radius) / kernel.thickness:.2g}"
     raise UnsupportedProblem(
         f"periodic: the contacts did not converge as smooth pressures (radius up to {width} layer thicknesses, "
-        f"possible up to {ROUGHEST:g}), and contacts on grids (for merging contacts, sharp tips, punches, contacts wider "
-        "than the layer is thick) have no cell; press the balls less deep, or drop the effect"
+        f"possible up to {ROUGHEST:g}), and contacts on grids (for merging contacts, sharp tips, punches, contacts "
+        "wider than the layer is thick) have no cell; press the balls less deep, or drop the effect"
     )
 
 
