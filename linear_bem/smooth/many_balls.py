@@ -72,7 +72,7 @@ def sweep_zones(
     interaction = None if apart else Interaction(kernel, nodes, pair_precision or tolerance, said)
     influence: Influence = np.zeros((len(zones), len(zones))) if interaction is None else interaction.influence
     images = 0.0
-    if interaction is not None and kernel.cell is not None and not kernel.homogeneous:
+    if interaction is not None and kernel.cell is not None and kernel.far_ratio > 1.0:
         # what its own images add at a ball nearly cancels its own displacement of a soft base: they belong together
         images = float((interaction.influence @ np.eye(len(zones))[0])[0])
         interaction.influence.own += images
@@ -96,8 +96,9 @@ def sweep_zones(
         step = f"degree {zones.degree}, sweep {sweep + 1}: "
         with np.errstate(all="ignore"):  # diverging sweeps may overflow before they end
             steps = equations.step(nodes, outside, profile, forces, sizes > RENEWED, seldom(report, step))
-        # a step ends at the force wanted only to first order: the difference acts on the others, too
-        before, found = nodes.zone, steps.approaches + influence @ (forces - nodes.forces)
+        before, found = nodes.zone, steps.approaches
+        if kernel.far_ratio > 1.0:  # a step meets the wanted force to first order: the rest moves others far more there
+            found = found + influence @ (forces - nodes.forces)
         wanted = np.where(fixed, approaches, found)
         more, level = _balance(influence, steps.compliances, found, forces, wanted, fixed, shared)
         new_forces = np.maximum(forces + more, LEAST_SHARE * forces)
