@@ -1,10 +1,13 @@
-"""Notes on a doubtful solution: where small strain does not hold, and own profiles that seem wrong."""
+"""Notes on a doubtful solution: accuracy not reached, strains that are not small, own profiles that seem wrong."""
+
+import math
 
 import numpy as np
 
 from linear_bem.arrays import Array
 from linear_bem.depth import MEANINGLESS, ball_depth_note, given_by_base, given_by_others, large_strain_note
 from linear_bem.dual import POINTED
+from linear_bem.error_estimate import pulls, reference_force
 from linear_bem.indenter import HeightFunction, Indenter
 from linear_bem.lifted_balls import Contacts
 from linear_bem.problem import Ball, Problem
@@ -70,3 +73,28 @@ def large_strain_notes(problem: Problem, approaches: Array, forces: Array, areas
         if approaches[i] > radius
     ]
     return deep + ball_depth_note(*max(shares, key=lambda pair: pair[0] - pair[1], default=(0.0, 0.0)))
+
+
+def unreached(limit: str, contacts: Contacts, of_forces: tuple[float, float], of_others: tuple[float, float]) -> str:
+    """Return a note on errors, each reached and asked for, of T and of forces and approaches; ``limit`` ended it."""
+    reference, largest = reference_force(contacts), float(np.max(np.abs(contacts.mutual_force)))
+    size = f"{reference:.1e} N, as T nearly vanishes" if math.inf > reference > largest else "its size"
+    return (
+        f"{limit} reached: the error of T is {of_forces[0]:.1e} of {size}, {of_forces[1]:.1e} was asked for, that of "
+        f"forces and approaches {of_others[0]:.1e}, {of_others[1]:.1e} was asked for"
+    )
+
+
+def small_force_note(contacts: Contacts, error: Array, wanted: float) -> tuple[str, ...]:
+    """Return a note where T is so small that its error relative to itself exceeds the requested one."""
+    largest, known = float(np.max(np.abs(contacts.mutual_force))), float(np.max(error))
+    transmitted = float(np.max(pulls(contacts)))
+    if contacts.problem.size == 1 or transmitted == 0.0 or known <= wanted * largest:
+        return ()  # a single ball has no T, not even in a cell
+    share = (
+        f"{known / largest:.0e} of the largest T ({wanted:.0e} was requested)" if known < largest else "above every T"
+    )
+    return (
+        f"T is close to zero: it is known to {known:.1e} N, which is {share} and {known / transmitted:.0e} of what a "
+        "half-space would transmit",
+    )

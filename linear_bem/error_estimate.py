@@ -1,4 +1,4 @@
-"""Error estimates of T and of all other results, and the notes on accuracy that a user must see."""
+"""Error estimates of T and of all other results."""
 
 import math
 
@@ -70,16 +70,6 @@ def reference_force(contacts: Contacts) -> float:
         return math.inf
     largest = float(np.max(np.abs(contacts.mutual_force)))
     return max(largest, 1e-4 * float(np.max(pulls(contacts))), 1e-12 * float(np.max(contacts.normal_forces)))
-
-
-def unreached(limit: str, contacts: Contacts, of_forces: tuple[float, float], of_others: tuple[float, float]) -> str:
-    """Return a note on errors, each reached and asked for, of T and of forces and approaches; ``limit`` ended it."""
-    reference, largest = reference_force(contacts), float(np.max(np.abs(contacts.mutual_force)))
-    size = f"{reference:.1e} N, as T nearly vanishes" if math.inf > reference > largest else "its size"
-    return (
-        f"{limit} reached: the error of T is {of_forces[0]:.1e} of {size}, {of_forces[1]:.1e} was asked for, that of "
-        f"forces and approaches {of_others[0]:.1e}, {of_others[1]:.1e} was asked for"
-    )
 
 
 def least_error(contacts: Contacts) -> Array:
@@ -313,18 +303,3 @@ def missed_pulls(contacts: GridContacts) -> Array:
     for i, (depth, _) in overlapping(contacts).items():
         forces[i] = 4.0 / 3.0 * math.sqrt(problem.balls[i].radius * depth**3) / (math.pi * contacts.kernel.singular)
     return np.asarray(half_space_pulls(contacts.kernel, problem.positions, forces) - pulls(contacts))
-
-
-def small_force_note(contacts: Contacts, error: Array, wanted: float) -> tuple[str, ...]:
-    """Return a note where T is so small that its error relative to itself exceeds the requested one."""
-    largest, known = float(np.max(np.abs(contacts.mutual_force))), float(np.max(error))
-    transmitted = float(np.max(pulls(contacts)))
-    if contacts.problem.size == 1 or transmitted == 0.0 or known <= wanted * largest:
-        return ()  # a single ball has no T, not even in a cell
-    share = (
-        f"{known / largest:.0e} of the largest T ({wanted:.0e} was requested)" if known < largest else "above every T"
-    )
-    return (
-        f"T is close to zero: it is known to {known:.1e} N, which is {share} and {known / transmitted:.0e} of what a "
-        "half-space would transmit",
-    )

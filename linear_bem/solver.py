@@ -9,7 +9,7 @@ import numpy as np
 from linear_bem.arguments import require_accuracy, require_sample, require_supported
 from linear_bem.arrays import Array
 from linear_bem.depth import depth_faults, overlap_note
-from linear_bem.doubts import large_strain_notes, loads_of, own_profile_notes
+from linear_bem.doubts import large_strain_notes, loads_of, own_profile_notes, small_force_note, unreached
 from linear_bem.error_estimate import (
     Errors,
     change,
@@ -25,8 +25,6 @@ from linear_bem.error_estimate import (
     reference_force,
     route_difference,
     size_of_errors,
-    small_force_note,
-    unreached,
 )
 from linear_bem.errors import InvalidProblem, NotConverged, UnsupportedProblem
 from linear_bem.grid.contacts import GridContacts, grid_levels
@@ -209,6 +207,11 @@ class _Refined:
         return (unreached(limit, self.contacts, (self.reached, wanted), (max(shares), _enough(wanted))),)
 
 
+def _of_pairs(kernel: LayeredKernel, precision: float) -> float | None:
+    """Return the precision of sums in a cell, where images nearly cancel the dent of a base softer than the layer."""
+    return None if kernel.cell is None else max(min(precision, FINEST) / max(kernel.far_ratio, 1.0), 1e-9)
+
+
 def _by_polynomials(guess: Start, wanted: float, report: Report) -> Estimated | _Refined | None:
     """Return contacts of the lowest sufficient degree, or of the best degree if that nearly suffices.
 
@@ -218,13 +221,10 @@ def _by_polynomials(guess: Start, wanted: float, report: Report) -> Estimated | 
     before: SmoothContacts | None = None
     many = len(guess.touching) > DENSE or guess.kernel.cell is not None
     precision = min(1e-6, (1e-3 if many else 1e-4) * wanted)
-    of_pairs = None
-    if guess.kernel.cell is not None:  # images nearly cancel the dent of a base softer than the layer
-        of_pairs = max(min(precision, FINEST) / max(guess.kernel.far_ratio, 1.0), 1e-9)
     degrees = iter(DEGREES)
     while (degree := next(degrees, None)) is not None:
         try:
-            after = smooth_state(before or guess, degree, precision, of_pairs, report)
+            after = smooth_state(before or guess, degree, precision, _of_pairs(guess.kernel, precision), report)
         except Touched as touched:
             guess, before, candidates, degrees = touched.added_to(guess), None, [], iter(DEGREES)
             continue
