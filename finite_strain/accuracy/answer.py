@@ -158,8 +158,9 @@ class Answers:
             force, *others = (
                 reduction.to_scene(index, (float(v[b, 0]), float(v[b, 1]))) for v in (pull, *routes.values())
             )
+            x, y, radius = map(float, (*ball.position, ball.radius))  # whole numbers of numpy are not written as JSON
             balls.append(BallResult(
-                ball.position, ball.radius, float(now.approach[b]), float(now.normal_force[b]), force, float(error[b]),
+                (x, y), radius, float(now.approach[b]), float(now.normal_force[b]), force, float(error[b]),
                 float(peak[b]), float(area[b]), dict(zip(routes, others, strict=True)),
                 {name: float(off[b]) for name, off in through.items()},
             ))  # fmt: skip

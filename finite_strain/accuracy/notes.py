@@ -51,9 +51,9 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             (size + ball.tangential_force_error, ball.normal_force) for size, ball in (bounds[i] for i in faint)
         )
         where = "" if len(faint) == len(bounds) else f" on ball {', '.join(map(str, faint))}"
+        share = f", {most / force:.2g} of the normal force" if force > 0.0 else ""  # a ball may not touch on the mesh
         notes.append(
-            f"{FAINT}{where}: it is at most {most:.2g} N, {most / force:.2g} of the normal force; at small loads "
-            "linear_bem resolves smaller ones"
+            f"{FAINT}{where}: it is at most {most:.2g} N{share}; at small loads linear_bem resolves smaller ones"
         )
     if record.reached > plan.accuracy:
         name = "tangential force" if record.scale > 0.0 else relative_to(record)

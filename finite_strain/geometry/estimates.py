@@ -58,10 +58,11 @@ def radius_seen(shape: str | Indenter, radius: float, approach: float) -> float:
     return unit * cuts[0] * cuts[1] / (2.0 * depth)
 
 
-def section_edge(indenter: Indenter, depth: float, way: complex) -> float:
+def section_edge(indenter: Indenter, depth: float, way: complex, known: float = math.inf) -> float:
     """Return how far [m] a body's section by a plane at a ``depth`` [m] extends from the axis.
 
-    ``way`` is the direction x + iy, a complex number of length one. Raises `InvalidProblem` if the section has no end.
+    ``way`` is the direction x + iy, a complex number of length one. A section is cut off at ``known`` [m], where it is
+    known to end; raises `InvalidProblem` if another one has no end.
     """
 
     def above(r: float) -> float:
@@ -74,10 +75,10 @@ def section_edge(indenter: Indenter, depth: float, way: complex) -> float:
             )
         return float(height) - depth
 
-    end = _end(indenter, depth)
+    end = min(known, _end(indenter, depth))
     if (rise := above(end)) > 0.0:
         return float(brentq(above, 0.0, end))
-    if end < indenter.reach:
+    if end < min(known, indenter.reach):
         raise InvalidProblem(
             f"balls.shape: {type(indenter).__name__}.height must exceed the approach, {depth:.3g} m, far from the "
             f"axis, got {rise + depth:.3g} m at (x, y) = ({end * way.real:.3g}, {end * way.imag:.3g}) m; give a "

@@ -88,6 +88,6 @@ def outline(ball: ModelBall) -> np.ndarray:
         return np.full((len(angles), len(shares), 3), np.nan)
     body, ways = ball.shape, np.exp(1j * angles)
     level = float(np.min(body.height(ball.reach * ways.real, ball.reach * ways.imag)))
-    edge = [[body.half_width(way.real, way.imag) or section_edge(body, level, way)] for way in ways[:, 0]]
+    edge = [[body.half_width(way.real, way.imag) or section_edge(body, level, way, ball.reach)] for way in ways[:, 0]]
     x, y = edge * shares * ways.real, edge * shares * ways.imag
     return np.stack([x, y, np.broadcast_to(body.height(x, y), x.shape)], axis=2)

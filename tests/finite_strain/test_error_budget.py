@@ -34,6 +34,7 @@ from finite_strain.planning.records import (
 )
 from finite_strain.planning.refinement import coarser
 from finite_strain.planning.run_plan import plan_run
+from linear_bem import Ball
 from tests.finite_strain.scenes import CUBIC, QUADRATIC, UNEQUAL, at_small_strain, pair, relatively
 from tests.finite_strain.test_pairs import linear, state
 
@@ -178,6 +179,17 @@ def test_where_one_ball_alone_presses_the_terms_are_those_of_its_force() -> None
     assert answers.fine.scale == 0.0
     assert answers.fine.reached == relatively(0.02 * FEW[1] * gain(CUBIC, QUADRATIC), 1e-6)
     assert math.hypot(*answers.fine.terms.values()) == relatively(answers.fine.reached, ROUNDOFF)
+
+
+def test_an_answer_for_positions_and_radii_of_numpys_whole_numbers_is_written(tmp_path: Path) -> None:
+    balls = tuple(Ball(place, np.int64(1)) for place in np.array([(-1, 0), (1, 0)]))  # type: ignore[arg-type]
+    plan = plan_run(replace(UNEQUAL, balls=balls), 0.1, "finite_strain")
+    answers = Answers(plan, [Record(QUADRATIC), Record(CUBIC)])
+    for record in (answers.coarse, answers.fine):
+        record.rows.append(Row(of_two((0.3, 0.2), (0.1, 0.08))))
+    answers.fine.steps.append(answers.answer(1, ACCOUNT, "no linear answer"))
+    save_records(tmp_path, "key", [answers.fine])
+    assert saved_records(tmp_path, "key")[0][0].steps == answers.fine.steps
 
 
 @pytest.mark.parametrize(

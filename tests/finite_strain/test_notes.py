@@ -117,3 +117,18 @@ def test_forces_with_an_error_above_half_the_largest_are_bounded(errors: tuple[f
     said = [note for note in result_notes(plan, record, "", 1.0) if note.startswith(FAINT)]
     assert len(said) == bool(noted)
     assert all(f"{FAINT}{noted} it is at most 2.5 N, 0.0025 of the normal force" in note for note in said)
+
+
+def test_the_bound_of_a_ball_without_force_on_the_mesh_has_no_share_of_it() -> None:
+    plan = plan_run(pair(0.1), 0.1, "finite_strain")
+    balls = [
+        SimpleNamespace(tangential_force=(pull, 0.0), tangential_force_error=error, approach=0.1, normal_force=force)
+        for pull, error, force in ((1.0, 0.1, 1e3), (0.0, 1.5, 0.0))
+    ]
+    step = SimpleNamespace(
+        balls=balls, smallest_volume_ratio=1.0, smallest_seen_area=1.0, surface_crossing=0.0, linear_failure=""
+    )
+    rows = [Row(SimpleNamespace(fraction=1.0), SimpleNamespace())]  # type: ignore[arg-type]
+    record = Record(CUBIC, steps=[step], rows=rows, reached=0.01, scale=1.0)  # type: ignore[list-item]
+    (said,) = [note for note in result_notes(plan, record, "", 1.0) if note.startswith(FAINT)]
+    assert said.startswith(f"{FAINT} on ball 1: it is at most 1.5 N; at small loads ")

@@ -172,6 +172,9 @@ def test_a_long_body_without_an_edge_is_drawn_to_its_reach_and_not_to_the_sky() 
     assert length == pytest.approx(6.0, rel=0.01)
     assert width == pytest.approx(2.0 * math.sqrt(0.5 * height))
     assert 0.1 < height < 0.13  # 18 m three metres beside the axis
+    level = HeightFunction(1.0, lambda x, y: np.minimum(0.5 * (x**2 + y**2), 0.3))  # flat at its reach
+    points = outline(ModelBall(0, (0.0, 0.0), 1.0, level, 1, (), reach=2.0))
+    assert np.ptp(points[..., 0]) == pytest.approx(4.0, rel=1e-3)
 
 
 def test_what_cannot_be_drawn_is_refused_in_plain_words(run: Path, tmp_path: Path) -> None:
