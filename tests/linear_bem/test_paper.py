@@ -181,12 +181,16 @@ def test_certificate_is_recomputed_and_small(paper_pair):
         (Layer(1.0, 0.3, 0.2431), 0.1, ((0.0, 0.0), (-0.12, -2.02), (2.03, 0.0)), (2.28e-5, 2.57e-5, 7.28e-4)),
         (Layer(1.0, 0.2, 0.0595), 0.1, ((0.0, 0.0), (-3.39, -3.66), (3.65, -0.97)), (7.25e-6, 1.5e-7, 9.76e-6)),
         (Layer(1.0, 0.2, 0.0204), 0.92, ((0.0, 0.0), (-1.2, -1.62)), (4.875e-6, 2.88e-5)),
+        (Layer(1.0, 0.3, 0.0402), 0.302, ((0.0, 0.0), (3.75, -1.44)), (2.444e-4, 1.759e-4)),
     ],
 )
 def test_the_error_estimate_of_the_point_load_law_contains_that_of_forces_at_given_approaches(
     layer, base, places, approaches
 ):
-    """The errors were up to 100 times too small: a light ball's force is less certain than the law."""
+    """The errors were up to 100 times too small: a light ball's force is less certain than the law.
+
+    In the last scene the forces are off by 2e-5, as the estimate that they correct is a table.
+    """
     balls = tuple(Ball(place, 1.0, "paraboloid") for place in places)
     problem = Problem(layer, balls, Load("approach", approaches), Elastic(base, 0.3))
     for exact, law in zip(solve(problem, 1e-5).balls, solve_point_load(problem).balls, strict=True):
