@@ -66,8 +66,9 @@ class FieldChoice:
 
 def choice_faults(names: Sequence[str], every: int) -> list[str]:
     """Return a message per fault of a choice of fields."""
-    if isinstance(names, str):
-        return [f'output.fields: must be a list of names, such as ("{names}",), got "{names}"']
+    if not (isinstance(names, tuple | list) and all(isinstance(name, str) for name in names)):
+        given, example = (f'"{names}"',) * 2 if isinstance(names, str) else (repr(names), '"gap"')
+        return [f"output.fields: must be a list of names, such as ({example},), got {given}"]
     faults = []
     unknown = [name for name in names if name not in CATALOGUE]
     if unknown:

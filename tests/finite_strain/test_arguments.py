@@ -68,6 +68,8 @@ def test_numerics_out_of_range_are_refused(given: dict[str, Any], words: str) ->
     ("given", "words"),
     [
         ({"names": "gap"}, r'output\.fields: must be a list of names, such as \("gap",\), got "gap"'),
+        ({"names": np.array(["gap", "pressure"])}, r"output\.fields: must be a list of names, .*, got array\("),
+        ({"names": (3,)}, r'output\.fields: must be a list of names, such as \("gap",\), got \(3,\)'),
         ({"names": ("mises",)}, r"output\.fields: unknown mises; known: displacement, "),
         ({"every": 1.5}, r"output\.every: must be 1 or more and whole .*, got 1\.5"),
     ],
