@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
@@ -349,3 +350,14 @@ def test_two_ranks_gain_little_on_a_small_mesh_and_nearly_all_on_a_large_one() -
     assert [speedup(unknowns, 2) for unknowns in measured] == pytest.approx(list(measured.values()), rel=0.1)
     assert speedup(39e3, 1) == 1.0
     assert speedup(39e3, 4) == pytest.approx(speedup(39e3, 2) ** 2)
+
+
+def test_elements_that_grow_so_fast_that_edges_cross_are_refused(tmp_path: Path) -> None:
+    """Gmsh ended the process."""
+    from meshes.layer import write_layer_mesh  # noqa: PLC0415  (imports gmsh)
+
+    soft = on_layer(balls_at((0.0, 0.0)), Load("approach", (0.2,)), 1.0, Elastic(0.1, 0.3), poisson=0.3)
+    box = plan_run(soft, 0.3, "finite_strain").box(QUADRATIC)
+    with pytest.raises(UnsupportedProblem, match=r"^numerics\.growth: .* got 4; give less"):
+        write_layer_mesh(replace(box, growth=4.0), tmp_path / "mesh.msh")
+    assert write_layer_mesh(box, tmp_path / "mesh.msh") > 0
