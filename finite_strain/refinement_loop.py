@@ -8,11 +8,11 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 from mpi4py import MPI
 
 from finite_strain import FORMAT, Inspect, compat
 from finite_strain.accuracy.answer import Answers, judge
+from finite_strain.accuracy.error_budget import residual
 from finite_strain.accuracy.notes import relative_to, result_notes
 from finite_strain.accuracy.pairs import LinearTruth
 from finite_strain.discretisation.checkpoint import Snapshot
@@ -41,8 +41,6 @@ from linear_bem.result import Result, Solved
 
 NAMES = ("coarse", "main", "finer")
 """Names of the discretisations of a run: the path finder, the first with results, and all later ones."""
-LOOSE, SHARE = 1e-7, 0.01
-"""Residual norm of Newton's method over the normal force: at most, and as a share of the accepted error of T."""
 
 
 class Refinement:
@@ -225,12 +223,9 @@ class Refinement:
             yield from run.path.steps([fraction], lambda f: self._predicted(run, number, "own", f))
 
     def _residual(self, number: int, fraction: float) -> float:
-        """Return the residual norm over the normal force that T of the coarser discretisation allows at a load."""
+        """Return the residual norm over the largest normal force that T of the coarser discretisation allows."""
         coarse = self.records[number - 1].at(fraction) if number else None
-        if coarse is None:
-            return EXACT
-        pull = np.linalg.norm(coarse.own.tangential_force, axis=1).max() / coarse.own.normal_force.max()
-        return float(min(max(SHARE * self.plan.accuracy * pull, EXACT), LOOSE))
+        return EXACT if coarse is None else residual(coarse.own, self.plan.accuracy, EXACT)
 
     def _answers(self, number: int) -> Answers:
         return Answers(self.plan, (coarser(self.records[: number + 1]), self.records[number]))

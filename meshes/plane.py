@@ -246,17 +246,14 @@ def _outlines(box: Box, quads: np.ndarray) -> list[np.ndarray]:
             raise ThirdBodyError("mesh: an odd number of segments lies between two corners of the blocks' outline")
         loops.append(np.roll(nodes, -bent[0], axis=0)[::2])
     if loops and _cross(np.concatenate([np.stack([loop, np.roll(loop, -1, axis=0)]) for loop in loops], axis=1)):
-        raise UnsupportedProblem(
-            "numerics.growth: elements must not grow so fast that their edges cross between blocks and sides, got "
-            f"{box.growth:g}; give less"
-        )
+        rule = "numerics.growth: elements must not grow so fast that their edges cross between blocks and sides"
+        raise UnsupportedProblem(f"{rule}, got {box.growth:g}; give less")
     return loops
 
 
 def _cross(ends: np.ndarray) -> bool:
     """Return whether segments between ``ends`` (2, n, 2) cross, which gmsh may answer by ending the process."""
-    along = ends[1] - ends[0]
-    to_ends = ends[:, None] - ends[0][:, None]  # of each segment, from the start of each
+    along, to_ends = (part / np.ptp(ends) for part in (ends[1] - ends[0], ends[:, None] - ends[0][:, None]))
     beside = along[:, None, 0] * to_ends[..., 1] - along[:, None, 1] * to_ends[..., 0]
     apart = (beside[0] * beside[1] < 0.0) & (np.abs(beside).min(axis=0) > 1e-9)
     return bool(np.any(apart & apart.T))

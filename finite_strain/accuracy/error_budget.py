@@ -25,7 +25,9 @@ pairing oscillates with the edge's position in its element; its amplitude falls 
 `python -m tests.finite_strain.bars` measures it.
 """
 
-
+LOOSE, SHARE = 1e-7, 0.01
+"""Residual norm of Newton's method over the largest normal force: at most, and as a share of the accepted error of T.
+T then changes by less than a tenth of the residual (`tests/finite_strain/test_multipliers.py`)."""
 FEW = {1: 2.0, 2: 1.27}
 """Factors on the largest of one or two changes: they oscillate along the load, and the largest of n independent ones is
 below sin(pi/2 3^(-1/n)) of the amplitude at a third of all loads."""
@@ -94,3 +96,12 @@ def enforcement(
     if not augmented:
         left = np.maximum(np.abs(left), own.penetration)
     return np.divide(np.abs(left), own.approach, out=np.zeros_like(left), where=own.approach > 0.0)
+
+
+def residual(coarse: ContactState, accuracy: float, least: float) -> float:
+    """Return the residual norm over the largest normal force that T of a coarser discretisation allows.
+
+    The smallest T counts, but no less than 1 % of the largest.
+    """
+    pulls = np.linalg.norm(coarse.tangential_force, axis=1) / coarse.normal_force.max()
+    return float(np.clip(SHARE * accuracy * max(pulls.min(), 0.01 * pulls.max()), least, LOOSE))

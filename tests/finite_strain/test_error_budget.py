@@ -20,6 +20,7 @@ from finite_strain.accuracy.error_budget import (
     discretisation,
     enforcement,
     gain,
+    residual,
     transfer,
 )
 from finite_strain.accuracy.pairs import LinearTruth, Paired
@@ -296,3 +297,16 @@ def test_changes_that_were_not_saved_count_as_twice_the_present_one() -> None:
     answers = at_loads(0.8, 0.9, 1.0)
     assert answers._change("parts", 1.0, np.array([0.2])) == relatively([0.4 * gain(CUBIC, QUADRATIC)], ROUNDOFF)
     assert answers.fine.changes == {"parts": [[0.4], [0.4], [0.2]]}
+
+
+@pytest.mark.parametrize(
+    ("pulls", "accuracy", "allowed"),
+    [((1e-3, -1e-3), 1e-3, 1e-8), ((1e-3, 2e-4), 1e-3, 2e-9), ((1e-2, 0.0), 0.1, 1e-7), ((0.0, 0.0), 0.1, 1e-9)],
+)
+def test_the_residual_follows_the_smallest_t_that_counts(
+    pulls: tuple[float, float], accuracy: float, allowed: float
+) -> None:
+    coarse = SimpleNamespace(
+        tangential_force=np.array([(2.0 * t, 0.0) for t in pulls]), normal_force=np.array([2.0, 1.0])
+    )
+    assert residual(coarse, accuracy, 1e-9) == relatively(allowed, ROUNDOFF)  # type: ignore[arg-type]

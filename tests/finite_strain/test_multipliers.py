@@ -15,13 +15,13 @@ pytest.importorskip("dolfinx")
 import finite_strain
 from finite_strain import one_discretisation
 from finite_strain.accuracy.answer import MOST
-from finite_strain.accuracy.error_budget import enforcement
+from finite_strain.accuracy.error_budget import LOOSE, enforcement
 from finite_strain.contact.contact_energy import Penalised
 from finite_strain.equilibrium.load_path import DOUBLINGS, EXACT, LoadPath, State, StepRecord
 from finite_strain.geometry.estimates import PENETRATION
 from finite_strain.one_discretisation import LARGEST_PENETRATION, ROUNDS, STIFFER, MeshRun
 from finite_strain.planning.records import Record, save_records, saved_records
-from finite_strain.refinement_loop import LOOSE, Refinement
+from finite_strain.refinement_loop import Refinement
 from linear_bem import NotConverged
 from tests.finite_strain.scenes import (
     COARSER,

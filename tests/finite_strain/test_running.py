@@ -15,11 +15,10 @@ pytest.importorskip("dolfinx")
 
 import finite_strain
 import linear_bem
-from finite_strain.accuracy.error_budget import SLOWEST
+from finite_strain.accuracy.error_budget import LOOSE, SHARE, SLOWEST
 from finite_strain.output.field_catalogue import CATALOGUE
 from finite_strain.planning.records import NAME, Discretisation
 from finite_strain.planning.run_plan import plan_run
-from finite_strain.refinement_loop import LOOSE, SHARE
 from linear_bem import Load
 from tests.finite_strain.press import ACCURACY, STEPS
 from tests.finite_strain.scenes import COARSER, LIGHT, Recorder, at_small_strain, light_pair, relatively
