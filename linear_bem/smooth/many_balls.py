@@ -74,7 +74,7 @@ def sweep_zones(
     images = 0.0
     if interaction is not None and kernel.cell is not None and kernel.far_ratio > 1.0:
         # what its own images add at a ball nearly cancels its own displacement of a soft base: they belong together
-        images = float((interaction.influence @ np.eye(len(zones))[0])[0])
+        images = float((interaction.influence @ np.eye(1, len(zones))[0])[0])
         interaction.influence.own += images
     equations = OwnEquations(kernel, rule, pair_precision or tolerance, images)
     forces = nodes.forces
