@@ -223,9 +223,13 @@ class Refinement:
             yield from run.path.steps([fraction], lambda f: self._predicted(run, number, "own", f))
 
     def _residual(self, number: int, fraction: float) -> float:
-        """Return the residual norm over the largest normal force that T of the coarser discretisation allows."""
+        """Return the residual norm over the largest normal force that T allows at a load fraction (collective)."""
         coarse = self.records[number - 1].at(fraction) if number else None
-        return EXACT if coarse is None else residual(coarse.own, self.plan.accuracy, EXACT)
+        if coarse is None:
+            return EXACT
+        truth = self._truth(number, fraction)
+        known = None if isinstance(truth, str) else truth.tangential_force
+        return residual(coarse.own, known, self.plan.accuracy, EXACT)
 
     def _answers(self, number: int) -> Answers:
         return Answers(self.plan, (coarser(self.records[: number + 1]), self.records[number]))

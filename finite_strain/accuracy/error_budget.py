@@ -98,10 +98,14 @@ def enforcement(
     return np.divide(np.abs(left), own.approach, out=np.zeros_like(left), where=own.approach > 0.0)
 
 
-def residual(coarse: ContactState, accuracy: float, least: float) -> float:
-    """Return the residual norm over the largest normal force that T of a coarser discretisation allows.
+def residual(coarse: ContactState, known: np.ndarray | None, accuracy: float, least: float) -> float:
+    """Return the residual norm over the largest normal force that T allows.
 
-    The smallest T counts, but no less than 1 % of the largest.
+    T is that of a coarser discretisation or, if less, the ``known`` one of `linear_bem` (balls, 2): without the pair's
+    correction the mesh hides a weak T. The smallest T counts, but no less than 1 % of the largest.
     """
-    pulls = np.linalg.norm(coarse.tangential_force, axis=1) / coarse.normal_force.max()
-    return float(np.clip(SHARE * accuracy * max(pulls.min(), 0.01 * pulls.max()), least, LOOSE))
+    pulls = np.linalg.norm(coarse.tangential_force, axis=1)
+    if known is not None:
+        pulls = np.minimum(pulls, np.linalg.norm(known, axis=1))
+    counts = max(pulls.min(), 0.01 * pulls.max()) / coarse.normal_force.max()
+    return float(np.clip(SHARE * accuracy * counts, least, LOOSE))

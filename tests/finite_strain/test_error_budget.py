@@ -300,13 +300,19 @@ def test_changes_that_were_not_saved_count_as_twice_the_present_one() -> None:
 
 
 @pytest.mark.parametrize(
-    ("pulls", "accuracy", "allowed"),
-    [((1e-3, -1e-3), 1e-3, 1e-8), ((1e-3, 2e-4), 1e-3, 2e-9), ((1e-2, 0.0), 0.1, 1e-7), ((0.0, 0.0), 0.1, 1e-9)],
+    ("pulls", "known", "accuracy", "allowed"),
+    [
+        ((1e-3, -1e-3), None, 1e-3, 1e-8),
+        ((1e-3, 2e-4), None, 1e-3, 2e-9),
+        ((1e-2, 0.0), None, 0.1, 1e-7),
+        ((0.0, 0.0), None, 0.1, 1e-9),
+        ((1e-2, 1e-2), (1e-5, -2e-5), 0.1, 1e-8),
+        ((1e-3, 1e-3), (1e-2, 1e-2), 1e-3, 1e-8),
+    ],
 )
 def test_the_residual_follows_the_smallest_t_that_counts(
-    pulls: tuple[float, float], accuracy: float, allowed: float
+    pulls: tuple[float, float], known: tuple[float, float] | None, accuracy: float, allowed: float
 ) -> None:
-    coarse = SimpleNamespace(
-        tangential_force=np.array([(2.0 * t, 0.0) for t in pulls]), normal_force=np.array([2.0, 1.0])
-    )
-    assert residual(coarse, accuracy, 1e-9) == relatively(allowed, ROUNDOFF)  # type: ignore[arg-type]
+    tangential, truth = (None if each is None else np.array([(2.0 * t, 0.0) for t in each]) for each in (pulls, known))
+    coarse = SimpleNamespace(tangential_force=tangential, normal_force=np.array([2.0, 1.0]))
+    assert residual(coarse, truth, accuracy, 1e-9) == relatively(allowed, ROUNDOFF)  # type: ignore[arg-type]
