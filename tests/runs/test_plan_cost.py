@@ -105,7 +105,7 @@ def test_an_evolution_by_the_linear_model_is_planned_with_its_table(
     printed = " ".join(capsys.readouterr().out.split())
     said = re.search(r"evolve: about ([\d.]+) s on one idle core, [^:]*: ([\d.]+) s for 27 runs by linear_bem", printed)
     assert said is not None
-    assert 2.0 < float(said[2]) < float(said[1]) < 120.0  # 3.3 s for the runs of a pair on rubber
+    assert 0.5 < float(said[2]) < float(said[1]) < 120.0  # 2 to 3.3 s for the runs of a pair on rubber
     assert re.search(r"s for 1 path of \d+ steps, [\d.]+ s for the full linear model at start", printed)
 
 
