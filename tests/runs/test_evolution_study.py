@@ -65,7 +65,7 @@ def point(title: str) -> points.Point:
         ("nine balls", None),
     ],
 )
-def test_the_reports_that_these_runs_bear_on(title: str, verdict: str | None, documents: dict[str, Any]) -> None:
+def test_the_reports_of_these_observations(title: str, verdict: str | None, documents: dict[str, Any]) -> None:
     found = answer.findings(point(title), documents)
     assert (found.verdict if found else None) == verdict
 
