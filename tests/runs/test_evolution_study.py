@@ -98,17 +98,17 @@ def test_the_answer_names_verdicts_errors_and_missing_tables(out: Path) -> None:
     assert {row["first_pairs"].split()[0] for row in rows if row["case"].startswith("line")} <= {"0-1", "2-3"}
 
 
-def test_additivity_is_told_for_every_material_of_balls_of_one_size(documents: dict[str, Any]) -> None:
+def test_the_answer_states_additivity_for_every_material_of_balls_of_one_size(documents: dict[str, Any]) -> None:
     foam = documents["line of four, 25 mm"]
     identity = foam["pair_table"]["identity"]
     other = {**identity, "layer": {**identity["layer"], "poisson": 0.45}}
     twin = {**foam, "pair_table": {**foam["pair_table"], "identity": other}}
-    told = answer.answer({"linear_bem": {"foam": foam, "twin": twin}, "finite_strain": {}}, {}, [], "", {})
-    assert [f"R = 10 mm, nu = {nu}: three in a line" in told for nu in ("0.3", "0.45")] == [True, True]
+    text = answer.answer({"linear_bem": {"foam": foam, "twin": twin}, "finite_strain": {}}, {}, [], "", {})
+    assert [f"R = 10 mm, nu = {nu}: three in a line" in text for nu in ("0.3", "0.45")] == [True, True]
 
 
-def test_a_finite_strain_table_joins_where_it_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The elements' place is taken by the linear model with a stronger T: it is the table that is asked here."""
+def test_a_finite_strain_table_is_used_where_it_exists(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The linear model with a stronger T replaces the finite elements: this is about the table."""
     asked: list[int] = []
 
     def stand_in(problem: Any, run: Any) -> Result:
