@@ -29,9 +29,9 @@ from petsc4py import PETSc
 
 from finite_strain import compat
 from finite_strain.contact.symbolic import Symbolic
-from finite_strain.geometry.estimates import NAMED
 from finite_strain.geometry.symmetry import Reduction
 from linear_bem.indenter import Indenter
+from linear_bem.problem import NAMED_SHAPES
 from meshes.box import TAGS
 
 CANDIDATES = 2
@@ -271,7 +271,7 @@ def gap(
     the undeformed point minus the vertical displacement: pressure acts vertically, and an in-plane force arises only
     through the profile's slope (the paper's eq. 13).
     """
-    indenter, unit = (NAMED[shape], radius) if isinstance(shape, str) else (shape, 1.0)
+    indenter, unit = (NAMED_SHAPES[shape](1.0), radius) if isinstance(shape, str) else (shape, 1.0)
     if angle and not isinstance(shape, str):
         offset, displacement = (_turned(vector, angle) for vector in (offset, displacement))
     if finite:

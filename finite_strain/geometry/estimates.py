@@ -1,13 +1,10 @@
 """Expected state of a single ball, to size meshes, penalties and first guesses. No result depends on it."""
 
-from __future__ import annotations
-
 import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import brentq
@@ -16,13 +13,8 @@ from linear_bem.closed_forms import Indentation, indentation_of_layer
 from linear_bem.dual import height_faults
 from linear_bem.errors import InvalidProblem, UnsupportedProblem
 from linear_bem.indenter import HeightFunction, Indenter
-from linear_bem.problem import NAMED_SHAPES, Ball, Problem
+from linear_bem.problem import Ball, Problem
 
-if TYPE_CHECKING:
-    from finite_strain.geometry.symmetry import ModelBall
-
-NAMED = {name: shape(1.0) for name, shape in NAMED_SHAPES.items()}
-"""Indenters of unit radius, to be scaled by the ball's radius."""
 LEAST_SHARE = 0.1
 """Fraction of the deepest approach below which a ball's own approach no longer sets mesh size and penalty."""
 PENETRATION = 1e-2
@@ -35,6 +27,8 @@ _FARTHEST = 1e3
 """Limit of the search for a profile's width, in approaches plus apex radii."""
 _FARTHER = 1.1
 """Factor between the distances from the axis at which a body is compared with its approach."""
+_EXACT = 2e-12
+"""Tolerance of a section's edge, over the apex radius."""
 _ROUNDS = 4
 """Fixed-point iterations between approach and radius for a prescribed force."""
 _AROUND = np.exp(2j * np.pi * np.arange(1024) / 1024)
@@ -44,18 +38,15 @@ _LONG = 1e-6
 
 
 @lru_cache(maxsize=4096)
-def radius_seen(shape: str | Indenter, radius: float, approach: float) -> float:
+def radius_seen(indenter: Indenter, approach: float) -> float:
     """Return the radius [m] of the paraboloid with the same section by the undeformed surface at an approach [m]."""
-    indenter, unit = (NAMED[shape], radius) if isinstance(shape, str) else (shape, 1.0)
-    depth = approach / unit
-    cuts = section_edge(indenter, depth, 1.0), section_edge(indenter, depth, 1j)
-    if not isinstance(shape, str):
-        heights = _heights_around(indenter, max(cuts))
-        longer = -np.mean(heights * _AROUND**2)
-        if abs(longer) > _LONG * np.mean(heights):  # not along x and y, but along the body and across
-            along = cmath.sqrt(longer / abs(longer))
-            cuts = section_edge(indenter, depth, along), section_edge(indenter, depth, 1j * along)
-    return unit * cuts[0] * cuts[1] / (2.0 * depth)
+    cuts = section_edge(indenter, approach, 1.0), section_edge(indenter, approach, 1j)
+    heights = _heights_around(indenter, max(cuts))
+    longer = -np.mean(heights * _AROUND**2)
+    if abs(longer) > _LONG * np.mean(heights):  # not along x and y, but along the body and across
+        along = cmath.sqrt(longer / abs(longer))
+        cuts = section_edge(indenter, approach, along), section_edge(indenter, approach, 1j * along)
+    return cuts[0] * cuts[1] / (2.0 * approach)
 
 
 def section_edge(indenter: Indenter, depth: float, way: complex, known: float = math.inf) -> float:
@@ -77,7 +68,7 @@ def section_edge(indenter: Indenter, depth: float, way: complex, known: float = 
 
     end = min(known, _end(indenter, depth))
     if (rise := above(end)) > 0.0:
-        return float(brentq(above, 0.0, end))
+        return float(brentq(above, 0.0, end, xtol=_EXACT * indenter.apex_radius))
     if end < min(known, indenter.reach):
         raise InvalidProblem(
             f"balls.shape: {type(indenter).__name__}.height must exceed the approach, {depth:.3g} m, far from the "
@@ -112,21 +103,21 @@ def _end(indenter: Indenter, depth: float) -> float:
 
 
 def alone(
-    problem: Problem, ball: Ball | ModelBall, *, approach: float | None = None, normal_force: float | None = None
+    problem: Problem, ball: Ball, *, approach: float | None = None, normal_force: float | None = None
 ) -> Indentation:
     """Return the state of a single ball at an approach [m] or a force [N], as a paraboloid of radius `radius_seen`.
 
     Without load, all values are zero.
     """
-    layer, substrate, shape = problem.layer, problem.substrate, known_shape(ball)
+    layer, substrate, body = problem.layer, problem.substrate, body_of(ball)
     if not (approach or normal_force or 0.0) > 0.0:
         return Indentation(0.0, 0.0, 0.0)
     if approach is not None:
-        return indentation_of_layer(layer, substrate, radius_seen(shape, ball.radius, approach), approach=approach)
+        return indentation_of_layer(layer, substrate, radius_seen(body, approach), approach=approach)
     seen = ball.radius
     for _ in range(_ROUNDS):
         state = indentation_of_layer(layer, substrate, seen, normal_force=normal_force)
-        seen = math.sqrt(seen * radius_seen(shape, ball.radius, state.approach))
+        seen = math.sqrt(seen * radius_seen(body, state.approach))
     return indentation_of_layer(layer, substrate, seen, normal_force=normal_force)
 
 
@@ -144,32 +135,19 @@ def with_expressions(problem: Problem) -> Problem:
     return replace(problem, balls=balls)
 
 
-def known_shape(ball: Ball | ModelBall) -> str | Indenter:
-    """Return the shape of a ball, a name or an `Indenter`; see `with_expressions`."""
-    assert isinstance(ball.shape, str | Indenter)
-    return ball.shape
+def body_of(ball: Ball) -> Indenter:
+    """Return the body of a ball; see `with_expressions`."""
+    assert isinstance(ball.indenter, Indenter)
+    return ball.indenter
 
 
-def edge_of(shape: str | Indenter) -> tuple[float, float] | None:
-    """Return the radii [m] of a flat end and of its rounding; None for a body without a flat end."""
-    return None if isinstance(shape, str) else shape.edge
-
-
-def gap_from(ball: Ball, x: np.ndarray, y: np.ndarray, z: float) -> np.ndarray:
-    """Return the gap [m] between a body and points at x, y (n,) [m] from its axis and z [m] above its lowest point."""
-    shape = known_shape(ball)
-    indenter, unit = (NAMED[shape], ball.radius) if isinstance(shape, str) else (shape, 1.0)
-    with np.errstate(invalid="ignore"):  # nan where a body has no height, which `radius_seen` refuses
-        return np.asarray(unit * indenter.gap(x / unit, y / unit, z / unit))
-
-
-def penalties(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarray) -> np.ndarray:
+def penalties(problem: Problem, balls: Sequence[Ball], approaches: np.ndarray) -> np.ndarray:
     """Return the penalty (balls,) [Pa/m] at approaches (balls,) [m]: expected mean pressure over mean penetration."""
     depths = np.maximum(approaches, LEAST_SHARE * np.max(approaches))
     return _mean_pressures(problem, balls, depths) / (PENETRATION * depths)
 
 
-def is_stable(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarray) -> bool:
+def is_stable(problem: Problem, balls: Sequence[Ball], approaches: np.ndarray) -> bool:
     """Return whether a contact load of fixed direction keeps the surface smooth at approaches (balls,) [m].
 
     Under a load p per undeformed area by a penalty k, an incompressible half-space of shear modulus mu with surface
@@ -181,7 +159,7 @@ def is_stable(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarr
     return bool(PEAK * np.max(_mean_pressures(problem, balls, pressed)) < 2.0 * problem.layer.shear_modulus)
 
 
-def _mean_pressures(problem: Problem, balls: Sequence[ModelBall], approaches: np.ndarray) -> np.ndarray:
+def _mean_pressures(problem: Problem, balls: Sequence[Ball], approaches: np.ndarray) -> np.ndarray:
     """Return the expected mean pressure (balls,) [Pa] of single balls."""
     states = [alone(problem, ball, approach=float(a)) for ball, a in zip(balls, approaches, strict=True)]
     return np.array([state.normal_force / (math.pi * state.contact_radius**2) for state in states])

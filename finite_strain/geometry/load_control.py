@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from finite_strain.geometry.estimates import alone, gap_from
+from finite_strain.geometry.estimates import alone, body_of
 from linear_bem.closed_forms import Indentation
 from linear_bem.depth import dent, given_by_others
 from linear_bem.problem import Ball, Problem
@@ -68,7 +68,7 @@ class PrescribedLoad:
         """Return the expected state of each ball at full load, each ball alone."""
         return [self.single(ball, value) for ball, value in zip(self.problem.balls, self.values, strict=True)]
 
-    def single(self, ball: Ball | ModelBall, value: float) -> Indentation:
+    def single(self, ball: Ball, value: float) -> Indentation:
         """Return the expected state of a single ball under a load of ``value`` [m or N]."""
         return alone(self.problem, ball, approach=value)
 
@@ -124,8 +124,9 @@ class PrescribedApproach(PrescribedLoad):
         balls, share = self.problem.balls, np.linspace(0.0, 1.0, BETWEEN)
         for i, j in itertools.combinations(range(len(balls)), 2):
             x, y = np.subtract(balls[j].position, balls[i].position)
-            first = gap_from(balls[i], share * x, share * y, self.values[i])
-            second = gap_from(balls[j], (share - 1.0) * x, (share - 1.0) * y, self.values[j])
+            with np.errstate(invalid="ignore"):  # nan where a body has no height, which `radius_seen` refuses
+                first = body_of(balls[i]).gap(share * x, share * y, self.values[i])
+                second = body_of(balls[j]).gap((share - 1.0) * x, (share - 1.0) * y, self.values[j])
             deepest = -float(np.maximum(first, second).min())
             if deepest > TOUCHING * max(self.values):
                 return [
@@ -148,7 +149,7 @@ class PrescribedForce(PrescribedLoad):
         """Return the identity (balls, balls)."""
         return np.eye(balls)
 
-    def single(self, ball: Ball | ModelBall, value: float) -> Indentation:
+    def single(self, ball: Ball, value: float) -> Indentation:
         """Return the expected state under a force [N], of which the layer gives at most `LARGEST_APPROACH`."""
         state = alone(self.problem, ball, normal_force=value)
         most = LARGEST_APPROACH * self.problem.layer.thickness + self._dent(state)

@@ -2,12 +2,12 @@
 
 import cmath
 import math
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from itertools import combinations
 
 import numpy as np
 
-from finite_strain.geometry.estimates import known_shape, reach_of
+from finite_strain.geometry.estimates import body_of, reach_of
 from finite_strain.geometry.load_control import prescribed
 from linear_bem.closed_forms import Indentation
 from linear_bem.indenter import Indenter
@@ -22,7 +22,7 @@ _SAMPLES, _GOLDEN = np.arange(5000), math.pi * (3.0 - math.sqrt(5.0))
 
 
 @dataclass(frozen=True)
-class ModelBall:
+class ModelBall(Ball):
     """A ball of the reduced model, in the model's frame (see `Reduction`).
 
     ``copies`` is the factor from its contact force in the model to that of the whole ball (a ball on a symmetry
@@ -30,10 +30,9 @@ class ModelBall:
     horizontal distance from its axis at which it may touch.
     """
 
+    shape: str | Indenter = "sphere"
+    _: KW_ONLY
     index: int
-    position: tuple[float, float]
-    radius: float
-    shape: str | Indenter
     copies: int
     fixed_axes: tuple[int, ...]
     reach: float = math.inf
@@ -134,12 +133,9 @@ def reduce_scene(problem: Problem, planes: tuple[int, ...] | None = None) -> Red
 def _is_mirror(
     problem: Problem, values: tuple[float, ...], reaches: list[float], local: np.ndarray, axis: int, angle: float
 ) -> bool:
-    bodies = {(known_shape(ball), reach) for ball, reach in zip(problem.balls, reaches, strict=True)}
-    if not all(_is_even(body, reach, axis, angle) for body, reach in bodies):
-        return False
     size = max(float(np.ptp(local)), *(ball.radius for ball in problem.balls))
     others, mirrored = list(zip(problem.balls, values, local, strict=True)), local * (1.0 - 2.0 * np.eye(2)[axis])
-    return all(
+    placed = all(
         any(
             np.max(np.abs(p - image)) <= _SAME * size
             and (v, other.radius, other.shape) == (value, ball.radius, ball.shape)
@@ -147,12 +143,12 @@ def _is_mirror(
         )
         for (ball, value, _), image in zip(others, mirrored, strict=True)
     )
+    bodies = {(body_of(ball), reach) for ball, reach in zip(problem.balls, reaches, strict=True)}
+    return placed and all(_is_even(body, reach, axis, angle) for body, reach in bodies)
 
 
-def _is_even(body: str | Indenter, reach: float, axis: int, angle: float) -> bool:
+def _is_even(body: Indenter, reach: float, axis: int, angle: float) -> bool:
     """Return whether a body within its reach is its own mirror image along an axis of a frame turned by ``angle``."""
-    if isinstance(body, str):
-        return True
     # densest near the axis: a long body reaches far beyond the details of its contact
     spiral = reach * ((_SAMPLES + 0.5) / len(_SAMPLES)) ** 2 * np.exp(1j * _GOLDEN * _SAMPLES)
     points = np.column_stack([spiral.real, spiral.imag])
@@ -173,9 +169,9 @@ def _cut(
     for index, (ball, position) in enumerate(zip(problem.balls, local, strict=True)):
         if all(position[axis] >= 0.0 for axis in planes):
             fixed = tuple(axis for axis in planes if position[axis] == 0.0)
-            x, y = (float(c) for c in position)
+            there = vars(ball) | {"position": tuple(map(float, position))}
             copies = 2 ** len(fixed)
-            balls.append(ModelBall(index, (x, y), ball.radius, known_shape(ball), copies, fixed, reaches[index]))
+            balls.append(ModelBall(**there, index=index, copies=copies, fixed_axes=fixed, reach=reaches[index]))
     images = []
     for position in local:
         signs = [-1 if axis in planes and position[axis] < 0.0 else 1 for axis in (0, 1)]
@@ -185,7 +181,4 @@ def _cut(
 
 
 def _reach(ball: Ball, alone: Indentation) -> float:
-    if ball.shape == "sphere":
-        return ball.radius
-    reach = WIDEST * max(ball.radius, alone.contact_radius)
-    return reach_of(ball.shape, alone.approach, reach) if isinstance(ball.shape, Indenter) else reach
+    return reach_of(body_of(ball), alone.approach, WIDEST * max(ball.radius, alone.contact_radius))

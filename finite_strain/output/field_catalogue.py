@@ -6,7 +6,7 @@ from numbers import Integral
 
 import numpy as np
 
-from finite_strain.geometry.estimates import section_edge
+from finite_strain.geometry.estimates import body_of, section_edge
 from finite_strain.geometry.symmetry import ModelBall
 from linear_bem.errors import InvalidProblem
 
@@ -87,7 +87,7 @@ def outline(ball: ModelBall) -> np.ndarray:
     shares = np.sin(0.5 * np.pi * np.linspace(0.0, 1.0, 41))
     if isinstance(ball.shape, str):
         return np.full((len(angles), len(shares), 3), np.nan)
-    body, ways = ball.shape, np.exp(1j * angles)
+    body, ways = body_of(ball), np.exp(1j * angles)
     level = float(np.min(body.height(ball.reach * ways.real, ball.reach * ways.imag)))
     edge = [[body.half_width(way.real, way.imag) or section_edge(body, level, way, ball.reach)] for way in ways[:, 0]]
     x, y = edge * shares * ways.real, edge * shares * ways.imag

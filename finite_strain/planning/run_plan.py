@@ -11,8 +11,7 @@ import numpy as np
 from finite_strain.geometry.estimates import (
     LEAST_SHARE,
     alone,
-    edge_of,
-    known_shape,
+    body_of,
     radius_seen,
     section_edge,
     with_expressions,
@@ -151,7 +150,7 @@ class RunPlan:
             sides.append((low, max(coordinates) + margin))
         if self.given is not None:
             sides, depth = [self.given.x, self.given.y], self.given.depth
-        radii, edges = [], [edge_of(ball.shape) for ball in reduction.balls]
+        radii, edges = [], [body_of(ball).edge for ball in reduction.balls]
         for ball, edge in zip(reduction.balls, edges, strict=True):
             # the mesh of a ball that hardly touches assumes a small approach
             hardly = alone(problem, ball, approach=LEAST_SHARE * self.deepest * ball.radius)
@@ -265,13 +264,11 @@ def _extent(ball: Ball, state: Indentation, x: float, y: float) -> float:
 
     It has the shape of the body's section by the undeformed surface.
     """
-    shape = known_shape(ball)
-    if isinstance(shape, str):
-        return state.contact_radius
-    if edge_of(shape):
+    body = body_of(ball)
+    if body.edge:
         return 0.0
-    width = section_edge(shape, state.approach, complex(x, y) / math.hypot(x, y))
-    round_one = math.sqrt(2.0 * state.approach * radius_seen(shape, ball.radius, state.approach))
+    width = section_edge(body, state.approach, complex(x, y) / math.hypot(x, y))
+    round_one = math.sqrt(2.0 * state.approach * radius_seen(body, state.approach))
     return state.contact_radius * width / round_one
 
 

@@ -193,7 +193,7 @@ def test_the_balls_of_a_pair_pull_each_other_equally(pressed: Rig) -> None:
 def whole_layer(folder: Path) -> Rig:
     """Press one ball into a square layer without symmetry planes."""
     problem = single(0.1, poisson=0.3)
-    ball = ModelBall(0, (0.0, 0.0), 1.0, "sphere", 1, ())
+    ball = ModelBall((0.0, 0.0), 1.0, index=0, copies=1, fixed_axes=())
     plan = replace(coarse_plan(problem), reduction=Reduction((0.0, 0.0), 0.0, (), (ball,), (Image(0, (1, 1)),)))
     rig = coarse_rig(plan, folder)
     *_, last = rig.press([0.5, 1.0])

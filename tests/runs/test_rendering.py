@@ -27,6 +27,7 @@ from tests.launch import python
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
 """Corners of a cube in VTK's order."""
+ALONE = {"index": 0, "copies": 1, "fixed_axes": ()}
 
 
 def write_run(folder: Path, steps: int = 2) -> Path:
@@ -148,7 +149,7 @@ def test_a_paraboloid_is_a_solid_body() -> None:
 
 def test_a_body_that_is_no_ball_is_drawn_as_it_is(run: Path, tmp_path: Path) -> None:
     cone = Cone(slope=math.atan(0.5), tip_radius=1e-9)  # twice as wide as high
-    points = outline(ModelBall(0, (0.0, 0.0), 1e-9, cone, 1, (), reach=2e-3))
+    points = outline(ModelBall((0.0, 0.0), 1e-9, cone, **ALONE, reach=2e-3))
     shutil.copytree(run, tmp_path / "run")
     file = step_files(tmp_path / "run")[2]
     with h5py.File(file, "r+") as written:
@@ -161,19 +162,19 @@ def test_a_body_that_is_no_ball_is_drawn_as_it_is(run: Path, tmp_path: Path) -> 
     # a cone of half the height, and a cylinder above it; 96 directions leave 0.1 % of a circle
     assert body.volume == pytest.approx(math.pi * 2e-3**3 * (1.0 / 6.0 + 0.5), rel=2e-3)
     assert body.bounds[4] == pytest.approx(-drawn.approach)
-    punch = outline(ModelBall(0, (0.0, 0.0), 1e-3, Punch(1e-3, 1e-4), 1, (), reach=1e-3))
+    punch = outline(ModelBall((0.0, 0.0), 1e-3, Punch(1e-3, 1e-4), **ALONE, reach=1e-3))
     assert punch[..., 2].max() == pytest.approx(1e-4, rel=1e-3)
-    assert np.isnan(outline(ModelBall(0, (0.0, 0.0), 1.0, "sphere", 1, ()))).all()
+    assert np.isnan(outline(ModelBall((0.0, 0.0), 1.0, **ALONE))).all()
 
 
 def test_a_long_body_without_an_edge_is_drawn_to_its_reach_and_not_to_the_sky() -> None:
     long = HeightFunction(0.25, lambda x, y: (x / 4.0) ** 8 + 2.0 * y**2)
-    length, width, height = np.ptp(outline(ModelBall(0, (0.0, 0.0), 0.25, long, 1, (), reach=3.0)), axis=(0, 1))
+    length, width, height = np.ptp(outline(ModelBall((0.0, 0.0), 0.25, long, **ALONE, reach=3.0)), axis=(0, 1))
     assert length == pytest.approx(6.0, rel=0.01)
     assert width == pytest.approx(2.0 * math.sqrt(0.5 * height))
     assert 0.1 < height < 0.13  # 18 m three metres beside the axis
     level = HeightFunction(1.0, lambda x, y: np.minimum(0.5 * (x**2 + y**2), 0.3))  # flat at its reach
-    points = outline(ModelBall(0, (0.0, 0.0), 1.0, level, 1, (), reach=2.0))
+    points = outline(ModelBall((0.0, 0.0), 1.0, level, **ALONE, reach=2.0))
     assert np.ptp(points[..., 0]) == pytest.approx(4.0, rel=1e-3)
 
 
