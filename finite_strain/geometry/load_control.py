@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -46,31 +46,41 @@ class LoadControl:
 
 @dataclass(frozen=True)
 class PrescribedLoad:
-    """A problem's load: all values grow in proportion, as a ``power`` of the approach (Hertz's for forces)."""
+    """A problem's load: approaches, or forces on each ball or on all; all values grow in proportion."""
 
     problem: Problem
-    forces_given: ClassVar[bool] = True
-    follows: ClassVar[str] = "approach"
+    forces_given: bool
+    follows: str
     """Name of the result that the load does not prescribe."""
-    power: ClassVar[float] = 1.5
-
-    @staticmethod
-    def moves(balls: int) -> np.ndarray:
-        """Return how the unknowns move the balls (balls, unknowns); approaches that are given are no unknowns."""
-        return np.zeros((balls, 0))
+    power: float
+    """Power of the approach with which the values grow (Hertz's for forces)."""
 
     @property
     def values(self) -> tuple[float, ...]:
         """The value (balls,) [m or N] of each ball at full load, its share of a common one."""
-        return self.problem.load.values
+        load, size = self.problem.load, self.problem.size
+        return load.values if load.kind != "total_force" else (load.values[0] / size,) * size
+
+    def moves(self, balls: int) -> np.ndarray:
+        """Return how the unknowns move the balls (balls, unknowns); approaches that are given are no unknowns."""
+        if not self.forces_given:
+            return np.zeros((balls, 0))
+        return np.ones((balls, 1)) if self.problem.load.kind == "total_force" else np.eye(balls)
 
     def expected(self) -> list[Indentation]:
         """Return the expected state of each ball at full load, each ball alone."""
         return [self.single(ball, value) for ball, value in zip(self.problem.balls, self.values, strict=True)]
 
     def single(self, ball: Ball, value: float) -> Indentation:
-        """Return the expected state of a single ball under a load of ``value`` [m or N]."""
-        return alone(self.problem, ball, approach=value)
+        """Return the expected state of a single ball under a load of ``value`` [m or N].
+
+        Under a force the layer gives at most `LARGEST_APPROACH`.
+        """
+        if not self.forces_given:
+            return alone(self.problem, ball, approach=value)
+        state = alone(self.problem, ball, normal_force=value)
+        most = LARGEST_APPROACH * self.problem.layer.thickness + self._dent(state)
+        return state if state.approach <= most else alone(self.problem, ball, approach=most)
 
     def fractions(self, deepest: float, goals: Sequence[float], largest: float) -> tuple[float, ...]:
         """Return rising load fractions that include all goals, for a deepest approach over its ball's radius.
@@ -94,18 +104,11 @@ class PrescribedLoad:
         area = math.pi * state.contact_radius**2
         return dent(self.problem.substrate, self.problem.layer.thickness, state.normal_force, area)
 
-    def ended_by(self, fraction: float, approaches: Sequence[float], balls: Sequence[ModelBall]) -> str:
-        """Return why a path ends after a load fraction with approaches (balls,) [m]; empty if unknown."""
-        return ""
-
-
-class PrescribedApproach(PrescribedLoad):
-    """One approach [m] per ball: no unknowns."""
-
-    forces_given, follows, power = False, "normal_force", 1.0
-
     def faults(self, model: str) -> list[str]:
-        """Reject approaches that are too large for the layer."""
+        """Reject balls without a force, approaches that are too large for the layer, and bodies that overlap."""
+        if self.forces_given:
+            least, rule = min(self.values), f"{model} needs a force > 0 on every ball"
+            return [f"load.force: {rule}, got {least:g} N; leave that ball out"] if least <= 0.0 else []
         h, deepest, taken = self.problem.layer.thickness, max(self.values), ""
         given, most = deepest, LARGEST_APPROACH * h
         if given >= most > 0.0 and self.problem.substrate is not None:
@@ -135,33 +138,13 @@ class PrescribedApproach(PrescribedLoad):
                 ]
         return []
 
-    def on(self, reduction: Reduction) -> LoadControl:
-        """Return the approaches themselves."""
-        full = np.array([self.values[ball.index] for ball in reduction.balls])
-        return LoadControl(self.moves(len(full)), np.zeros(0), lambda fraction: fraction * full)
-
-
-class PrescribedForce(PrescribedLoad):
-    """One force [N] per ball: one unknown per ball."""
-
-    @staticmethod
-    def moves(balls: int) -> np.ndarray:
-        """Return the identity (balls, balls)."""
-        return np.eye(balls)
-
-    def single(self, ball: Ball, value: float) -> Indentation:
-        """Return the expected state under a force [N], of which the layer gives at most `LARGEST_APPROACH`."""
-        state = alone(self.problem, ball, normal_force=value)
-        most = LARGEST_APPROACH * self.problem.layer.thickness + self._dent(state)
-        return state if state.approach <= most else alone(self.problem, ball, approach=most)
-
-    def faults(self, model: str) -> list[str]:
-        """Reject balls without a force."""
-        least, rule = min(self.values), f"{model} needs a force > 0 on every ball"
-        return [f"load.force: {rule}, got {least:g} N; leave that ball out"] if least <= 0.0 else []
-
     def ended_by(self, fraction: float, approaches: Sequence[float], balls: Sequence[ModelBall]) -> str:
-        """Return that the force is too large if much of it is left and the layer gives nearly `LARGEST_APPROACH`."""
+        """Return why a path ends after a load fraction with approaches (balls,) [m]; empty if unknown.
+
+        A force is too large if much of it is left and the layer gives nearly `LARGEST_APPROACH`.
+        """
+        if not self.forces_given or fraction > ENDED:
+            return ""
         kind, h = self.problem.load.kind, self.problem.layer.thickness
         forces = fraction * np.array(self.values)
         given = max(
@@ -170,7 +153,7 @@ class PrescribedForce(PrescribedLoad):
             - given_by_others(self.problem, ball.index, forces)
             for ball, approach in zip(balls, approaches, strict=True)
         )
-        if given < (LARGEST_APPROACH - ENDING) * h or fraction > ENDED:
+        if given < (LARGEST_APPROACH - ENDING) * h:
             return ""
         base = "" if self.problem.substrate is None else ", without the dent of the substrate,"
         full = max(self.problem.load.values)
@@ -181,14 +164,16 @@ class PrescribedForce(PrescribedLoad):
         )
 
     def on(self, reduction: Reduction) -> LoadControl:
-        """Return a control with the force on the simulated part of all balls that an unknown moves as its target.
+        """Return the control of a reduced model, with the forces on its part of the balls that an unknown moves.
 
-        Expected are the approaches of single balls, or their mean if one unknown moves all.
+        Under forces it expects the approaches of single balls, or their mean if one unknown moves all.
         """
         balls, moves = reduction.balls, self.moves(len(reduction.balls))
         whole = np.array([self.values[ball.index] for ball in balls])
 
         def approaches(fraction: float) -> np.ndarray:
+            if not self.forces_given:
+                return fraction * whole
             pairs = zip(balls, whole, strict=True)
             single = np.array([self.single(ball, fraction * force).approach for ball, force in pairs])
             return np.asarray(moves @ (single @ moves / moves.sum(axis=0)))
@@ -196,27 +181,8 @@ class PrescribedForce(PrescribedLoad):
         return LoadControl(moves, (whole / np.array([ball.copies for ball in balls])) @ moves, approaches)
 
 
-class TotalForce(PrescribedForce):
-    """One force [N] on all balls, which share one approach: one unknown moves them all."""
-
-    @staticmethod
-    def moves(balls: int) -> np.ndarray:
-        """Return ones (balls, 1)."""
-        return np.ones((balls, 1))
-
-    @property
-    def values(self) -> tuple[float, ...]:
-        """Equal shares (balls,) [N]."""
-        return (self.problem.load.values[0] / self.problem.size,) * self.problem.size
-
-
-KINDS: dict[str, type[PrescribedApproach | PrescribedForce]] = {
-    "approach": PrescribedApproach,
-    "force": PrescribedForce,
-    "total_force": TotalForce,
-}
-
-
-def prescribed(problem: Problem) -> PrescribedApproach | PrescribedForce:
+def prescribed(problem: Problem) -> PrescribedLoad:
     """Return the load of a problem."""
-    return KINDS[problem.load.kind](problem)
+    if problem.load.kind == "approach":
+        return PrescribedLoad(problem, False, "normal_force", 1.0)
+    return PrescribedLoad(problem, True, "approach", 1.5)

@@ -12,7 +12,7 @@ import pytest
 import finite_strain
 from finite_strain import Numerics
 from finite_strain.geometry.extent import choose_extent
-from finite_strain.geometry.load_control import KINDS, prescribed
+from finite_strain.geometry.load_control import prescribed
 from finite_strain.planning.cost import FORCE_SECONDS, START_SECONDS, speedup
 from finite_strain.planning.forecast import LEAST, SCATTER, chances, first_error, forecast, likely
 from finite_strain.planning.refinement import PATH_FINDER, Budget
@@ -53,7 +53,8 @@ LARGEST_STEP = Numerics().largest_step
 @pytest.mark.parametrize("kind", ["approach", "force", "total_force"])
 @pytest.mark.parametrize("deepest", [0.001, 0.0125, 0.05, 0.3, 0.8])
 def test_load_fractions_increase_to_one_in_steps_that_newton_can_follow(kind: str, deepest: float) -> None:
-    fractions = KINDS[kind](pair(0.1)).fractions(deepest, (1.0,), LARGEST_STEP)
+    load = prescribed(pair(0.1).with_load(kind, (0.1,) if kind == "total_force" else (0.1, 0.1)))
+    fractions = load.fractions(deepest, (1.0,), LARGEST_STEP)
     assert fractions[-1] == 1.0
     assert all(0.0 < a < b for a, b in pairwise(fractions))
     power = 1.0 if kind == "approach" else 2.0 / 3.0
