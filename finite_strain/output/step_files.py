@@ -8,7 +8,6 @@ separate grid, which meshio cannot read and ParaView shows as separate blocks.
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from xml.etree import ElementTree as Xml
 
 import h5py
 import numpy as np
@@ -20,7 +19,7 @@ from linear_bem.errors import OutputUnusable
 
 INDEX = "fields.xdmf"
 _CELLS = {8: "Hexahedron", 4: "Tetrahedron"}
-_NUMBERS = {"f": ("Float", 8), "i": ("Int", 8)}
+_NUMBERS = {"f": "Float", "i": "Int"}
 ROOM = 1_000_000
 """Allowance [bytes] for the parts of a file other than its arrays."""
 
@@ -117,33 +116,38 @@ def stem(number: int) -> str:
 
 def write_step_and_index(folder: Path, number: int) -> None:
     """Write the XDMF file of a step with an HDF5 file, and the index over all such steps."""
-    _write(folder / f"{stem(number)}.xdmf", [_grid(folder, number, timed=False)], temporal=False)
+    _write(folder / f"{stem(number)}.xdmf", _grid(folder, number, time=""))
     _write_index(folder)
 
 
 def _write_index(folder: Path) -> None:
     numbers = sorted(int(path.stem.removeprefix("step_")) for path in folder.glob("step_*.h5"))
     if numbers:
-        _write(folder / INDEX, [_grid(folder, n, timed=True) for n in numbers], temporal=True)
+        grids = [_grid(folder, n, time=f'<Time Value="{n}" />') for n in numbers]
+        kind = 'Name="load path" GridType="Collection" CollectionType="Temporal"'
+        _write(folder / INDEX, f"<Grid {kind}>{''.join(grids)}</Grid>")
 
 
-def _grid(folder: Path, number: int, timed: bool) -> Xml.Element:
-    """Return the XDMF grid of one step, with the sizes in its HDF5 file; its number is used as time."""
-    grid = Xml.Element("Grid", Name=stem(number), GridType="Uniform")
+def _grid(folder: Path, number: int, time: str) -> str:
+    """Return the XDMF grid of one step, with the sizes in its HDF5 file."""
+
+    def item(data: h5py.Dataset) -> str:
+        shape, kind = " ".join(map(str, data.shape)), _NUMBERS[data.dtype.kind]
+        size = f'Dimensions="{shape}" NumberType="{kind}" Precision="{data.dtype.itemsize}" Format="HDF"'
+        return f"<DataItem {size}>{stem(number)}.h5:{data.name}</DataItem>"
+
     with _opened(folder / f"{stem(number)}.h5") as file:
         cells = file["cells"]
-        kind = _CELLS[cells.shape[1]]
-        topology = Xml.SubElement(grid, "Topology", TopologyType=kind, NumberOfElements=str(len(cells)))
-        _item(topology, cells, number)
-        _item(Xml.SubElement(grid, "Geometry", GeometryType="XYZ"), file["points"], number)
-        if timed:
-            Xml.SubElement(grid, "Time", Value=str(number))
+        topology = f'TopologyType="{_CELLS[cells.shape[1]]}" NumberOfElements="{len(cells)}"'
+        parts = [
+            f"<Topology {topology}>{item(cells)}</Topology>",
+            f'<Geometry GeometryType="XYZ">{item(file["points"])}</Geometry>{time}',
+        ]
         for group, center in (("node_fields", "Node"), ("cell_fields", "Cell")):
             for name, data in file[group].items():
-                kind = data.attrs["kind"]
-                attribute = Xml.SubElement(grid, "Attribute", Name=name, AttributeType=kind, Center=center)
-                _item(attribute, data, number)
-    return grid
+                kind = f'Name="{name}" AttributeType="{data.attrs["kind"]}" Center="{center}"'
+                parts.append(f"<Attribute {kind}>{item(data)}</Attribute>")
+    return f'<Grid Name="{stem(number)}" GridType="Uniform">{"".join(parts)}</Grid>'
 
 
 def _opened(path: Path) -> h5py.File:
@@ -155,21 +159,7 @@ def _opened(path: Path) -> h5py.File:
         ) from error
 
 
-def _item(parent: Xml.Element, data: h5py.Dataset, number: int) -> None:
-    kind, precision = _NUMBERS[data.dtype.kind]
-    item = Xml.SubElement(
-        parent, "DataItem", Dimensions=" ".join(map(str, data.shape)), NumberType=kind, Precision=str(precision),
-        Format="HDF",
-    )  # fmt: skip
-    item.text = f"{stem(number)}.h5:{data.name}"
-
-
-def _write(path: Path, grids: list[Xml.Element], temporal: bool) -> None:
-    root = Xml.Element("Xdmf", Version="3.0")
-    parent = Xml.SubElement(root, "Domain")
-    if temporal:
-        parent = Xml.SubElement(parent, "Grid", Name="load path", GridType="Collection", CollectionType="Temporal")
-    parent.extend(grids)
+def _write(path: Path, grid: str) -> None:
     draft = path.with_suffix(".part")
-    Xml.ElementTree(root).write(draft, xml_declaration=True, encoding="utf-8")
+    draft.write_text(f'<?xml version="1.0"?>\n<Xdmf Version="3.0"><Domain>{grid}</Domain></Xdmf>', encoding="utf-8")
     draft.replace(path)
