@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from finite_strain.accuracy.error_budget import FEW, Terms, discretisation, enforcement, gain, transfer
+from finite_strain.accuracy.error_budget import FEW, TERMS, discretisation, enforcement, gain, transfer
 from finite_strain.accuracy.pairs import LinearTruth, Paired, paired, ratio, unpaired, unsure
 from finite_strain.force.distortion import is_resolved
 from finite_strain.geometry.extent import scale_of_force
@@ -70,49 +70,48 @@ class Answers:
         """Return the answer at load step number ``step``; ``said`` is the value returned by `truth`."""
         truth = None if isinstance(said, str) else said
         fine, now, before = self._at(account.fraction, truth)
-        weight = now.weight if fine.small is not None else np.zeros_like(now.weight)
-        share = enforcement(fine.own, fine.small, weight, account.augmented)
-        solver = np.full(len(weight), account.tolerance) + (0.0 if truth is None else truth.error)
+        share = enforcement(fine.own, fine.small, now.weight, account.augmented)
+        solver = np.full(len(share), account.tolerance) + (0.0 if truth is None else truth.error)
         size, squared = np.linalg.norm(now.tangential_force, axis=1), _pressed(now, before, "normal_force") ** 2
         none, follows = np.zeros_like(size), _pressed(now, before, self.follows)
         apart, moved, pulled, pressed = self._changed(account.fraction, now, before, truth)
-        at_force = Terms(squared * apart, none, squared * now.transfer, solver)
-        unsure_force = self._unsure_force(fine, now, truth)
-        both = np.hypot(at_force.transfer, 2.0 * size * unsure_force)
+        unsure_pull, unsure_force = squared * now.transfer, self._unsure_force(fine, now, truth)
+        at_force = np.array([squared * apart, none, unsure_pull, solver])
+        both = np.hypot(unsure_pull, 2.0 * size * unsure_force)
         if not self.plan.is_paired:  # known errors of T / Q^2 and Q, which may have one sign
-            both = (size + at_force.transfer) * (1.0 + unsure_force) ** 2 - size
+            both = (size + unsure_pull) * (1.0 + unsure_force) ** 2 - size
         missed_force, missed_pull = _missed(fine, truth)
         both = both + missed_pull
         enforced = none if self.forces_given else 2.0 * MOST * size * share
-        terms = Terms(np.maximum(np.hypot(squared * apart, 2.0 * size * pressed), pulled), enforced, both, solver)
+        changed = np.maximum(np.hypot(squared * apart, 2.0 * size * pressed), pulled)
+        terms = np.array([changed, enforced, both, solver])
         if self.forces_given:
             left, load = share, now.normal_force
             rate = follows / (LEAST * np.maximum(load, max(FAINT * load.max(), 1e-300)))
         else:
             left, rate = MOST * share, np.ones_like(size)
         uncertain = np.abs(follows) * now.force_transfer + (none if self.forces_given else missed_force)
-        other = Terms(follows * moved, np.abs(follows) * left, uncertain, account.tolerance * rate)
-        imbalance, doubt = self._imbalance(now.tangential_force, terms.total)
-        pull, raw = now.tangential_force.copy(), terms.total
+        other = np.array([follows * moved, np.abs(follows) * left, uncertain, account.tolerance * rate])
+        pull, raw = now.tangential_force.copy(), _total(terms)
+        imbalance, doubt = self._imbalance(pull, raw)
         worst = self._worst(raw)
         if worst is not None:
             pull[worst] -= pull.sum(axis=0)
             terms, at_force = _others_at(worst, terms), _others_at(worst, at_force)
         counts = _scale(self.plan, self._per_ball(now.normal_force), self._per_ball(np.linalg.norm(pull, axis=1))) > 0.0
-        shown = Terms(*(doubt * term for term in vars(terms).values())) if counts else other
-        through = {self.follows: other.total}
+        shown, through = doubt * terms if counts else other, {self.follows: _total(other)}
         if self.plan.problem.load.kind == "total_force":
             parts = _pressed(now, before, "normal_force") * np.hypot(pressed, unsure_force)
             through["normal_force"] = parts + missed_force
         return Answer(
-            **vars(account), balls=self._balls(fine, now, pull, truth, doubt * terms.total, through), step=step,
+            **vars(account), balls=self._balls(fine, now, pull, truth, doubt * _total(terms), through), step=step,
             linear_failure=said if isinstance(said, str) else "",
-            error_terms={n: self._per_ball(term) for n, term in vars(shown).items()},
-            pair_weight=self._per_ball(weight), imbalance=imbalance,
+            error_terms={n: self._per_ball(term) for n, term in zip(TERMS, shown, strict=True)},
+            pair_weight=self._per_ball(now.weight), imbalance=imbalance,
             imbalance_error=sum(self._per_ball(raw)),
             normal_force_error=self._per_ball(through.get("normal_force", none)),
-            approach_error=self._per_ball(other.total if self.forces_given else none),
-            tangential_force_error_at_force=self._per_ball(doubt * at_force.total),
+            approach_error=self._per_ball(through.get("approach", none)),
+            tangential_force_error_at_force=self._per_ball(doubt * _total(at_force)),
         )  # fmt: skip
 
     def _unsure_force(self, fine: Row, now: Paired, truth: LinearTruth | None) -> np.ndarray:
@@ -283,9 +282,14 @@ def _scale(plan: RunPlan, forces: Sequence[float], pulls: Sequence[float]) -> fl
     return max(*pulls, attraction) if counts else 0.0
 
 
-def _others_at(worst: int, terms: Terms) -> Terms:
-    """Return error terms (balls,) of T in which those of one ball are the sums of the others'."""
-    return Terms(*(np.where(np.arange(len(t)) == worst, t.sum() - t[worst], t) for t in vars(terms).values()))
+def _total(terms: np.ndarray) -> np.ndarray:
+    """Return the root of the sum of squares (balls,) of error terms (terms, balls)."""
+    return np.asarray(np.linalg.norm(terms, axis=0))
+
+
+def _others_at(worst: int, terms: np.ndarray) -> np.ndarray:
+    """Return error terms (terms, balls) of T in which those of one ball are the sums of the others'."""
+    return np.where(np.arange(terms.shape[1]) == worst, terms.sum(axis=1, keepdims=True) - terms, terms)
 
 
 def _missed(fine: Row, truth: LinearTruth | None) -> tuple[np.ndarray, np.ndarray]:

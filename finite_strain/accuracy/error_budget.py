@@ -9,12 +9,13 @@ The terms are independent in origin; the error of T is the root of the sum of th
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from finite_strain.planning.records import ContactState, Discretisation
 
+TERMS = ("discretisation", "enforcement", "transfer", "solver")
+"""Names of the rows of an array (terms, balls) of error terms in one unit."""
 SLOWEST, FASTEST = 2.0, 6.0
 """Orders of convergence of the paired Q, D and T / Q^2 in the resolution, order of the elements times fineness.
 
@@ -31,21 +32,6 @@ T then changes by less than a tenth of the residual (`tests/finite_strain/test_m
 FEW = {1: 2.0, 2: 1.27}
 """Factors on the largest of one or two changes: they oscillate along the load, and the largest of n independent ones is
 below sin(pi/2 3^(-1/n)) of the amplitude at a third of all loads."""
-
-
-@dataclass(frozen=True)
-class Terms:
-    """The terms of the error budget (balls,), in one unit."""
-
-    discretisation: np.ndarray
-    enforcement: np.ndarray
-    transfer: np.ndarray
-    solver: np.ndarray
-
-    @property
-    def total(self) -> np.ndarray:
-        """The root of the sum of squares."""
-        return np.asarray(np.sqrt(sum(term**2 for term in vars(self).values())))
 
 
 def gain(fine: Discretisation, coarse: Discretisation) -> float:
