@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.distance import pdist
 
 from finite_strain.geometry.load_control import prescribed
 from linear_bem.closed_forms import Indentation
@@ -38,8 +39,9 @@ def scale_of_force(problem: Problem, forces: np.ndarray) -> float:
     T passes through zero where the half-space's attraction and its reduction by the base cancel, but the error of T
     does not. The scale is a tenth of the largest attraction Q_i Q_j (1 - nu^2) / (pi E r^2) of a pair on a half-space.
     """
-    pairs = np.outer(forces, forces) / _distances(problem) ** 2
-    return NEGLIGIBLE * float(pairs.max()) / (math.pi * problem.layer.contact_modulus)
+    one, other = np.triu_indices(problem.size, 1)
+    pairs = forces[one] * forces[other] / pdist(problem.positions) ** 2
+    return NEGLIGIBLE * float(pairs.max(initial=0.0)) / (math.pi * problem.layer.contact_modulus)
 
 
 def choose_extent(problem: Problem, expected: Sequence[Indentation], accuracy: float) -> Extent:
@@ -49,11 +51,11 @@ def choose_extent(problem: Problem, expected: Sequence[Indentation], accuracy: f
     K. Cutting a substrate at a depth z below the surface reduces its displacement by about (1 - nu^2) Q / (pi E z).
     """
     forces = np.array([state.normal_force for state in expected])
-    thickness, nearest = problem.layer.thickness, float(_distances(problem).min())
+    thickness, distances = problem.layer.thickness, pdist(problem.positions)
+    nearest = float(distances.min()) if distances.size else 0.0
     largest = max(ball.radius for ball in problem.balls)
     kernel, load = LayeredKernel.of(problem), float(forces.sum())
     scale = scale_of_force(problem, forces)
-    nearest = nearest if nearest < math.inf else 0.0
     if nearest > 0.0:
         slope = abs(float(kernel.slope(np.array([nearest]))[0]))
         scale = max(scale, float(np.sort(forces)[-2:].prod()) * slope)
@@ -82,10 +84,3 @@ def choose_extent(problem: Problem, expected: Sequence[Indentation], accuracy: f
             break
         margin *= _GROWTH
     return Extent(margin, depth)
-
-
-def _distances(problem: Problem) -> np.ndarray:
-    """Return the balls' distances from each other (balls, balls) [m], infinite on the diagonal."""
-    answer = np.linalg.norm(problem.positions[:, None] - problem.positions, axis=-1)
-    np.fill_diagonal(answer, np.inf)
-    return np.asarray(answer)

@@ -6,10 +6,10 @@ from dataclasses import KW_ONLY, dataclass
 from itertools import combinations
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from finite_strain.geometry.estimates import body_of, reach_of
 from finite_strain.geometry.load_control import prescribed
-from linear_bem.closed_forms import Indentation
 from linear_bem.indenter import Indenter
 from linear_bem.problem import Ball, Problem
 
@@ -17,6 +17,8 @@ WIDEST = 2.0
 """Largest distance from the axis at which a round body without an edge may touch, over its radius or contact radius."""
 _SAME = 1e-9
 """Relative tolerance within which positions and values count as mirror images."""
+_MIRRORED = 1.0 - 2.0 * np.eye(2)
+"""Signs of the coordinates of mirror images along each axis."""
 _SAMPLES, _GOLDEN = np.arange(5000), math.pi * (3.0 - math.sqrt(5.0))
 """Numbers of the points where a body is compared with its mirror image, and the angle between two."""
 
@@ -108,11 +110,25 @@ def reduce_scene(problem: Problem, planes: tuple[int, ...] | None = None) -> Red
     With ``planes``, the frame is the scene's own, cut at those of the ``planes`` that are mirror planes.
     """
     load, positions = prescribed(problem), problem.positions
-    values, expected = load.values, load.expected()
-    reaches = [_reach(ball, state) for ball, state in zip(problem.balls, expected, strict=True)]
+    bodies = [
+        (body_of(ball), reach_of(body_of(ball), alone.approach, WIDEST * max(ball.radius, alone.contact_radius)))
+        for ball, alone in zip(problem.balls, load.expected(), strict=True)
+    ]
+    kinds = [(value, ball.radius, ball.shape) for value, ball in zip(load.values, problem.balls, strict=True)]
+    alike = np.array([[one == other for other in kinds] for one in kinds])
+
+    def mirrors(local: np.ndarray, angle: float, axes: tuple[int, ...]) -> tuple[int, ...]:
+        near = _SAME * _size(problem, local)
+        return tuple(
+            axis
+            for axis in axes
+            if np.all(np.any(alike & (cdist(local * _MIRRORED[axis], local, "chebyshev") <= near), axis=1))
+            and all(_is_even(body, reach, axis, angle) for body, reach in set(bodies))
+        )
+
+    reaches = [reach for _, reach in bodies]
     if planes is not None:
-        there = tuple(axis for axis in planes if _is_mirror(problem, values, reaches, positions, axis, 0.0))
-        return _cut(problem, reaches, 0.0, np.zeros(2), there, positions)
+        return _cut(problem, reaches, 0.0, np.zeros(2), mirrors(positions, 0.0, planes), positions)
     angles = [0.0]
     for a, b in combinations(positions[:12], 2):
         angles.append(math.remainder(math.atan2(b[1] - a[1], b[0] - a[0]), math.pi / 2))
@@ -122,7 +138,7 @@ def reduce_scene(problem: Problem, planes: tuple[int, ...] | None = None) -> Red
         local = positions @ turn.T
         centre = 0.5 * (local.min(axis=0) + local.max(axis=0))
         local = local - centre
-        planes = tuple(axis for axis in (0, 1) if _is_mirror(problem, values, reaches, local, axis, angle))
+        planes = mirrors(local, angle, (0, 1))
         score = len(planes) + (0.5 if np.ptp(local[:, 1]) <= _SAME * np.ptp(local) else 0.0)
         return score, angle, turn.T @ centre, planes, local
 
@@ -130,32 +146,17 @@ def reduce_scene(problem: Problem, planes: tuple[int, ...] | None = None) -> Red
     return _cut(problem, reaches, angle, origin, planes, local)
 
 
-def _is_mirror(
-    problem: Problem, values: tuple[float, ...], reaches: list[float], local: np.ndarray, axis: int, angle: float
-) -> bool:
-    size = max(float(np.ptp(local)), *(ball.radius for ball in problem.balls))
-    others, mirrored = list(zip(problem.balls, values, local, strict=True)), local * (1.0 - 2.0 * np.eye(2)[axis])
-    placed = all(
-        any(
-            np.max(np.abs(p - image)) <= _SAME * size
-            and (v, other.radius, other.shape) == (value, ball.radius, ball.shape)
-            for other, v, p in others
-        )
-        for (ball, value, _), image in zip(others, mirrored, strict=True)
-    )
-    bodies = {(body_of(ball), reach) for ball, reach in zip(problem.balls, reaches, strict=True)}
-    return placed and all(_is_even(body, reach, axis, angle) for body, reach in bodies)
+def _size(problem: Problem, local: np.ndarray) -> float:
+    return max(float(np.ptp(local)), *(ball.radius for ball in problem.balls))
 
 
 def _is_even(body: Indenter, reach: float, axis: int, angle: float) -> bool:
     """Return whether a body within its reach is its own mirror image along an axis of a frame turned by ``angle``."""
     # densest near the axis: a long body reaches far beyond the details of its contact
     spiral = reach * ((_SAMPLES + 0.5) / len(_SAMPLES)) ** 2 * np.exp(1j * _GOLDEN * _SAMPLES)
-    points = np.column_stack([spiral.real, spiral.imag])
-    images = points * np.where(np.arange(2) == axis, -1.0, 1.0)
-    c, s = math.cos(angle), math.sin(angle)
-    turn = np.array([[c, -s], [s, c]])
-    here, there = (np.asarray(body.height(*(turn @ where.T))) for where in (points, images))
+    image = spiral.conj() if axis == 1 else -spiral.conj()
+    points = (where * cmath.rect(1.0, angle) for where in (spiral, image))
+    here, there = (np.asarray(body.height(point.real, point.imag)) for point in points)
     return bool(np.allclose(here, there, rtol=1e-9, atol=1e-12 * reach))
 
 
@@ -163,8 +164,7 @@ def _cut(
     problem: Problem, reaches: list[float], angle: float, origin: np.ndarray, planes: tuple[int, ...],
     local: np.ndarray,
 ) -> Reduction:  # fmt: skip
-    size = max(float(np.ptp(local)), *(ball.radius for ball in problem.balls))
-    local = np.where(np.abs(local) <= _SAME * size, 0.0, local)
+    local = np.where(np.abs(local) <= _SAME * _size(problem, local), 0.0, local)
     balls: list[ModelBall] = []
     for index, (ball, position) in enumerate(zip(problem.balls, local, strict=True)):
         if all(position[axis] >= 0.0 for axis in planes):
@@ -175,10 +175,6 @@ def _cut(
     images = []
     for position in local:
         signs = [-1 if axis in planes and position[axis] < 0.0 else 1 for axis in (0, 1)]
-        distances = [np.max(np.abs(np.array(signs) * position - np.array(b.position))) for b in balls]
-        images.append(Image(int(np.argmin(distances)), (signs[0], signs[1])))
+        nearest = cdist([signs * position], [ball.position for ball in balls]).argmin()
+        images.append(Image(int(nearest), (signs[0], signs[1])))
     return Reduction((float(origin[0]), float(origin[1])), angle, planes, tuple(balls), tuple(images))
-
-
-def _reach(ball: Ball, alone: Indentation) -> float:
-    return reach_of(body_of(ball), alone.approach, WIDEST * max(ball.radius, alone.contact_radius))

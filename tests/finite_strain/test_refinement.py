@@ -96,7 +96,7 @@ def test_the_second_discretisation_does_not_depend_on_the_accuracy() -> None:
 
 def test_a_mesh_that_goes_beyond_the_coarser_one_is_refined_because_full_load_has_no_error() -> None:
     plan = plan_run(pair(0.1), 0.1, "finite_strain", steps=(0.5, 1.0))
-    half = replace(ANSWER, fraction=0.5, error_terms={"discretisation": [4e-4]})
+    half = replace(ANSWER, fraction=0.5, balls=2 * ANSWER.balls, error_terms={"discretisation": [4e-4] * 2})
     rows = [Row(replace(state(1.0, 0.1, (0.01, 0.0)), fraction=f)) for f in (0.5, 1.0)]
     beyond = Record(CUBIC, 10, 1.0, True, rows, [half])
     judge(plan, beyond)
