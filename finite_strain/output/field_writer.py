@@ -8,9 +8,11 @@ has a VTX folder.
 """
 
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import dolfinx
 import h5py
 import numpy as np
 import ufl
@@ -23,7 +25,7 @@ from finite_strain.mpi import on_root
 from finite_strain.output.field_catalogue import CATALOGUE, FieldChoice, outline
 from finite_strain.output.step_files import stem, write_gathered, write_step_and_index
 from finite_strain.output.top_surface import TopSurface
-from finite_strain.output.vtx import write_vtx
+from linear_bem.errors import OutputUnusable
 
 _STRESSES = {"cauchy_stress", "von_mises", "pressure"}
 _OUTLINES = "points of bodies that are no balls, from the apex, by direction and outwards; nan of balls"
@@ -74,7 +76,37 @@ class FieldWriter:
             write_gathered(self.model.comm, path, arrays, lambda file: self._describe(file, number, fraction))
             on_root(self.model.comm, lambda: write_step_and_index(self.folder, number))
             if compat.vtx_writer() is not None:
-                write_vtx(self.model, path.with_suffix(".bp"), number, fields)
+                self._write_vtx(path.with_suffix(".bp"), number, fields)
+
+    def _write_vtx(self, path: Path, number: int, fields: Mapping[str, np.ndarray]) -> None:
+        """Write the fields as functions of order p on the curved elements; a folder is replaced by the complete one."""
+        model, draft = self.model, path.with_name("draft.bp")
+        shapes = {values.shape[1:] for values in fields.values()}
+        spaces = {shape: compat.function_space(model.mesh, model.order, shape) for shape in sorted(shapes)}
+        functions = []
+        for name, values in fields.items():
+            space, rows = spaces[values.shape[1:]], values.reshape(len(values), -1)
+            function = dolfinx.fem.Function(space, name=name)
+            # a space may number the mesh's nodes differently
+            function.x.array.reshape(-1, rows.shape[1])[compat.cell_dofs(space)] = rows[compat.cell_dofs(model.space)]
+            function.x.scatter_forward()
+            functions.append(function)
+        places = model.mesh.geometry.x
+        own = places.copy()
+        places[:] = model.reduction.scene_points(own)  # the writer uses the functions' mesh
+        try:
+            with compat.vtx_writer()(model.comm, str(draft), functions) as writer:
+                writer.write(float(number))
+        except RuntimeError as error:
+            raise OutputUnusable(f"{path} cannot be written: {error}") from error
+        finally:
+            places[:] = own
+
+        def replace() -> None:
+            shutil.rmtree(path, ignore_errors=True)
+            draft.rename(path)
+
+        on_root(model.comm, replace)
 
     def _mesh_arrays(self) -> dict[str, np.ndarray]:
         index_map = self.model.space.dofmap.index_map
