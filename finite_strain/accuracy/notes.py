@@ -95,15 +95,10 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
             "the mesh has free sides: the answer is that of this body, not of the infinite layer of linear_bem; its "
             "error follows from the element orders alone"
         )
-    return notes + _overrun(plan, record, seconds)
-
-
-def _overrun(plan: RunPlan, record: Record, seconds: float) -> list[str]:
-    """Return notes on an exceeded budget: the first discretisations run in any case."""
-    budget, notes = plan.budget, []
-    most = budget.unknowns or math.inf
-    if record.unknowns > most:
-        notes.append(f"the mesh has {grouped(record.unknowns)} unknowns, more than the budget of {grouped(most)}")
+    budget = plan.budget  # the first discretisations run in any case
+    if budget.unknowns is not None and record.unknowns > budget.unknowns:
+        bound = grouped(budget.unknowns)
+        notes.append(f"the mesh has {grouped(record.unknowns)} unknowns, more than the budget of {bound}")
     if budget.seconds is not None and seconds > budget.seconds:
         notes.append(f"the discretisations took {seconds:.0f} s, more than the budget of {budget.seconds:g} s")
     return notes

@@ -10,7 +10,7 @@ f, s: finite and small strain on the discretisation, l: linear_bem. Differences 
 through zero. The weight c is 1 where T / Q^2 of the two problems is similar and falls to 0 where they differ strongly.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -91,17 +91,14 @@ def paired(
     unlike = _length(own.per_squared_force - small.per_squared_force) / largest
     weight = np.clip((UNLIKE - unlike) / (UNLIKE - ALIKE), 0.0, 1.0)
     transfer = _length(correction) * np.clip(unlike / np.maximum(1.0 - unlike, 0.5), least, 1.0)
-    factor, shift = np.ones_like(weight), np.zeros_like(weight)
     name = "approach" if forces_given else "normal_force"
     known, own_value, small_value = (getattr(each, name) for each in (truth, own, small))
-    if forces_given:
-        shift = weight * (known - small_value)
-    else:
-        factor = ratio(known, small_value, empty=1.0) ** weight
+    factor = ratio(known, small_value, empty=1.0)
+    value = own_value + weight * (known - small_value) if forces_given else own_value * factor**weight
     apart = np.maximum(np.abs(ratio(own_value, small_value, empty=1.0) - 1.0), least)
-    share = np.abs(ratio(known, small_value, empty=1.0) - 1.0) * apart
     per_squared = own.per_squared_force + weight[:, None] * correction
-    return Paired(own.normal_force * factor, own.approach + shift, per_squared, transfer, share, weight)
+    answer = Paired(own.normal_force, own.approach, per_squared, transfer, np.abs(factor - 1.0) * apart, weight)
+    return replace(answer, **{name: value})
 
 
 def ratio(part: np.ndarray, whole: np.ndarray, empty: float = 0.0) -> np.ndarray:

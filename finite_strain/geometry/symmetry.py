@@ -3,7 +3,7 @@
 import cmath
 import math
 from dataclasses import KW_ONLY, dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -87,10 +87,8 @@ class Reduction:
 
     def mirror_signs(self) -> list[np.ndarray]:
         """Return the signs (3,) of the model's coordinates in each of its mirror images, itself first."""
-        signs = [np.ones(3)]
-        for normal in self.mirrors:
-            signs += [known * (1.0 - 2.0 * normal) for known in signs]
-        return signs
+        signs = product(*((1.0, -1.0) if axis in self.planes else (1.0,) for axis in range(3)))
+        return [np.array(each) for each in signs]
 
     def to_scene(self, ball: int, vector: tuple[float, float]) -> tuple[float, float]:
         """Return the in-plane vector of a ball of the scene from that of its model ball."""
