@@ -1,11 +1,7 @@
 """The error budget of an answer: a few terms, each a function with its derivation.
 
-discretisation   largest change of the paired answer from the coarser discretisation, here and at nearby loads
-enforcement      remaining penetration of the surface into the balls, as an error of the approach
-transfer         part of the pair's correction (mesh, contact, domain truncation) that may not hold at finite strain
-solver           residual of Newton's method, and the error of linear_bem
-
-The terms are independent in origin; the error of T is the root of the sum of their squares.
+The solver's term is the residual of Newton's method and the error of linear_bem. The terms are independent in origin;
+the error of T is the root of the sum of their squares.
 """
 
 from collections.abc import Sequence
