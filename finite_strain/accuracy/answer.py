@@ -12,13 +12,13 @@ import numpy as np
 from finite_strain.accuracy.error_budget import FEW, TERMS, discretisation, enforcement, gain, transfer
 from finite_strain.accuracy.pairs import LinearTruth, Paired, paired, ratio, unpaired, unsure
 from finite_strain.force.distortion import is_resolved
+from finite_strain.geometry.estimates import body_of
 from finite_strain.geometry.extent import scale_of_force
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.planning.records import Answer, ContactState, Record, Row, SolverAccount
 from finite_strain.planning.run_plan import ENOUGH, RunPlan
 from linear_bem.dual import slope
 from linear_bem.errors import ThirdBodyError
-from linear_bem.indenter import Indenter
 from linear_bem.problem import Load, Problem
 from linear_bem.result import BallResult
 from linear_bem.solver import solve
@@ -183,9 +183,8 @@ class Answers:
         """Return the largest slope of an indenter at the edge of its contact; at least the root of D / h."""
         layer, found = self.plan.problem.layer, 0.0
         for place, each in enumerate(self.plan.reduction.balls):
-            body, edge = self.plan.problem.balls[each.index].indenter, math.sqrt(own.contact_area[place] / math.pi)
-            assert isinstance(body, Indenter)
-            slopes = np.hypot(*slope(body, *(edge * np.array([[1.0, 0.0], [0.0, 1.0]]))))
+            edge = math.sqrt(own.contact_area[place] / math.pi)
+            slopes = np.hypot(*slope(body_of(each), *(edge * np.eye(2))))
             found = max(found, float(slopes.max()), math.sqrt(max(own.approach[place], 0.0) / layer.thickness))
         return found
 
