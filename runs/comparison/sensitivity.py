@@ -13,14 +13,14 @@ are used only to check the exponents.
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from typing import Any
 
+import numpy as np
 from scipy.spatial import cKDTree
 
-from linear_bem.errors import InvalidProblem, ThirdBodyError, UnsupportedProblem
-from linear_bem.indenter import Indenter
+from linear_bem.errors import InvalidProblem, ThirdBodyError
 from linear_bem.nearby import nearby_forces
 from linear_bem.problem import Problem
 from linear_bem.solution import Solution
@@ -28,6 +28,7 @@ from linear_bem.touching import wrapped
 from runs.comparison.strengthening_factors import ROUNDOFF
 from runs.display.numbers import SHOWN, Scale, leading_ball, number, percent
 from runs.models import MODELS, Run, without
+from runs.process.json_values import Document
 
 STEP = 0.005
 """Logarithm of the ratio between neighbouring values of an input; the error falls with its square."""
@@ -58,29 +59,20 @@ Change = Callable[[Problem, float], Problem]
 """A problem with one input multiplied by a factor."""
 
 
-@dataclass(frozen=True)
-class Sensitivity:
-    """Sensitivity of T on one ball: exponents by symbol; Poisson's ratio before and after a step, relative change of T.
+def record(problem: Problem, ball: int | None = None) -> Document | None:
+    """Return the sensitivity of T at full load to the inputs as a JSON object; None where no T acts.
 
-    ``moduli`` and ``lengths`` are the sums of exponents that must be 1 and 2.
+    T is that on a ``ball``, by default the one with the largest. ``exponents`` by symbol; ``poisson``: Poisson's ratio
+    before and after a step, ``change``: the relative change of T by it; ``moduli`` and ``lengths``: the sums of
+    exponents that must be 1 and 2. ``failure``: the error of the linear model that prevents all this.
     """
-
-    ball: int
-    exponents: dict[str, float]
-    poisson: tuple[float, float]
-    change: float
-    moduli: float
-    lengths: float
+    try:
+        return _record(without(problem, ["finite_strain"]), ball)
+    except ThirdBodyError as error:
+        return {"failure": str(error)}
 
 
-def sensitivity(problem: Problem, step: float = STEP, ball: int | None = None) -> Sensitivity | None:
-    """Return the sensitivity of T at full load to the inputs of ``problem``; None where no T acts.
-
-    T is that on a ``ball``, by default the one with the largest.
-
-    Raises the errors of the linear model, and `UnsupportedProblem` for bodies without a parameter of size.
-    """
-    problem = without(problem, ["finite_strain"])
+def _record(problem: Problem, ball: int | None) -> Document | None:
     solve, solutions = MODELS["linear_bem"].solve, list[Solution]()
     states = solve(problem, Run(PRECISION, inspect=solutions.append)).balls
     ball = leading_ball([state.to_dict() for state in states]) if ball is None else ball
@@ -94,37 +86,28 @@ def sensitivity(problem: Problem, step: float = STEP, ball: int | None = None) -
         found = solve(changed, Run(PRECISION)).balls[ball].tangential_force if forces is None else forces[ball]
         return float(found[0] * x + found[1] * y) / size**2
 
-    exponents = {symbol: _exponent(problem, change, relative, step) for symbol, change in _inputs(problem).items()}
+    exponents = {symbol: _exponent(problem, change, relative) for symbol, change in _inputs(problem).items()}
     nu = problem.layer.poisson
     other = min(nu + POISSON_STEP, 0.5) if nu < 0.5 else nu - POISSON_STEP
-    changed = relative(dataclasses.replace(problem, layer=dataclasses.replace(problem.layer, poisson=other)))
+    change = relative(dataclasses.replace(problem, layer=dataclasses.replace(problem.layer, poisson=other))) - 1.0
     moduli, lengths = (sum(weights.get(k, 0.0) * v for k, v in exponents.items()) for weights in (MODULI, LENGTHS))
-    return Sensitivity(ball, exponents, (nu, other), changed - 1.0, moduli, lengths)
+    return {
+        "ball": ball, "exponents": exponents, "poisson": (nu, other), "change": change, "moduli": moduli,
+        "lengths": lengths,
+    }  # fmt: skip
 
 
-def record(problem: Problem, ball: int | None = None) -> dict[str, Any] | None:
-    """Return the JSON object of `sensitivity` or the reason for a failure; None where no T acts."""
-    try:
-        found = sensitivity(problem, ball=ball)
-    except ThirdBodyError as error:
-        return {"failure": str(error)}
-    return None if found is None else asdict(found)
-
-
-def _exponent(problem: Problem, change: Change, relative: Callable[[Problem], float], step: float) -> float:
-    sides = []
-    for sign in (1.0, -1.0):
+def _exponent(problem: Problem, change: Change, relative: Callable[[Problem], float]) -> float:
+    """Return the slope at 0 of the parabola through T at 0 and at two steps, on both sides if the scene allows it."""
+    for near, far in ((1.0, -1.0), (1.0, 2.0), (-1.0, -2.0)):
         try:
-            sides.append((sign, change(problem, math.exp(sign * step))))
-        except InvalidProblem:
+            pair = [change(problem, math.exp(steps * STEP)) for steps in (near, far)]
+        except InvalidProblem as error:
+            refused = error
             continue
-    if not sides:
-        raise InvalidProblem("sensitivity: an input cannot be changed in either direction")
-    if len(sides) == 2:
-        return (relative(sides[0][1]) - relative(sides[1][1])) / (2.0 * step)
-    sign, near = sides[0]
-    far = change(problem, math.exp(2.0 * sign * step))
-    return sign * (4.0 * relative(near) - relative(far) - 3.0) / (2.0 * step)
+        first, second = (relative(changed) - 1.0 for changed in pair)
+        return (far**2 * first - near**2 * second) / (near * far * (far - near) * STEP)
+    raise refused
 
 
 def _inputs(problem: Problem) -> dict[str, Change]:
@@ -164,54 +147,12 @@ def _radius(problem: Problem, factor: float) -> Problem:
     for ball in problem.balls:
         if isinstance(ball.shape, str):
             balls.append(dataclasses.replace(ball, radius=factor * ball.radius))
-        elif isinstance(ball.shape, Indenter):
-            body = _scaled(ball.shape, factor)
+        else:  # a body of a scene, whose numbers are lengths but for a cone's slope
+            body: Any = ball.shape
+            lengths = {key: np.multiply(factor, value) for key, value in asdict(body).items() if key != "slope"}
+            body = dataclasses.replace(body, **{key: value.tolist() for key, value in lengths.items()})
             balls.append(dataclasses.replace(ball, shape=body, radius=body.apex_radius))
-        else:
-            raise UnsupportedProblem("sensitivity: a profile f(x, y) has no parameter of size")
     return dataclasses.replace(problem, balls=tuple(balls))
-
-
-@dataclass(frozen=True)
-class _Similar(Indenter):
-    """An own ``body`` with all its lengths times ``factor``."""
-
-    body: Indenter
-    factor: float
-
-    def _faults_of(self, key: str, value: Any) -> list[str]:
-        return []
-
-    @property
-    def apex_radius(self) -> float:
-        return self.factor * self.body.apex_radius
-
-    @property
-    def reach(self) -> float:
-        return self.factor * self.body.reach
-
-    @property
-    def edge(self) -> tuple[float, float] | None:
-        edge = self.body.edge
-        return edge and (self.factor * edge[0], self.factor * edge[1])
-
-    def half_width(self, x: float, y: float) -> float:
-        return self.factor * self.body.half_width(x, y)
-
-    def height(self, x: Any, y: Any) -> Any:
-        return self.factor * self.body.height(x / self.factor, y / self.factor)
-
-
-def _scaled(body: Indenter, factor: float) -> Indenter:
-    """Return a similar body: all its lengths times a factor. Fields of an own class need not be lengths."""
-    if type(body).__module__ != Indenter.__module__:
-        return _Similar(body, factor)
-    values: dict[str, Any] = {}
-    for field in dataclasses.fields(body):
-        value = getattr(body, field.name)
-        if field.name != "slope":
-            values[field.name] = tuple(factor * v for v in value) if isinstance(value, tuple) else factor * value
-    return dataclasses.replace(body, **values)
 
 
 def rows(found: Mapping[str, Any], problem: Problem, scale: Scale, known: float | None = None) -> list[dict[str, str]]:
