@@ -44,7 +44,7 @@ def _compute(session: Session) -> Document | None:
 
     def save(result: Result) -> Document:
         finite = result.to_dict(scene)
-        at_force, at_approach = linear.at_force(finite["steps"]), linear.at_approach(finite["steps"])
+        at_force, at_approach = linear.along("force", finite["steps"]), linear.along("approach", finite["steps"])
         rows = compare_steps(finite["steps"], at_force["steps"], at_approach["steps"])
         document = {
             "scene": scene,

@@ -35,23 +35,16 @@ class LinearStates:
         self.versions: Mapping[str, str] = {}
         self._solved: dict[tuple[str, tuple[float, ...]], Step] = {}
         finite = earlier.get("finite", {}).get("steps", [])
-        for key, kind, name in (("linear", "force", "normal_force"), ("linear_at_approach", "approach", "approach")):
+        for key, kind in ("linear", "force"), ("linear_at_approach", "approach"):
             known = earlier.get(key, {}).get("steps", [])
             for step, state in zip(finite, known, strict=False):
                 if {*COST} <= state.get("record", {}).keys():
-                    self._solved[kind, _values(step, name)] = Step.from_dict(state)
+                    self._solved[kind, _values(kind, step)] = Step.from_dict(state)
                     self.versions = earlier[key]["solved"]["versions"]
 
-    def at_force(self, steps: Sequence[Mapping[str, Any]]) -> Document:
-        """Return the linear result at the normal forces of ``steps``, both as JSON objects."""
-        return self._along("force", "normal_force", steps).to_dict()
-
-    def at_approach(self, steps: Sequence[Mapping[str, Any]]) -> Document:
-        """Return the linear result at the approaches of ``steps``, both as JSON objects."""
-        return self._along("approach", "approach", steps).to_dict()
-
-    def _along(self, kind: LoadKind, name: str, steps: Sequence[Mapping[str, Any]]) -> Result:
-        states = tuple(self._state(kind, _values(step, name)) for step in steps)
+    def along(self, kind: LoadKind, steps: Sequence[Mapping[str, Any]]) -> Document:
+        """Return the linear result at the normal forces ("force") or approaches of ``steps``, all as JSON objects."""
+        states = tuple(self._state(kind, _values(kind, step)) for step in steps)
         records = [state.record for state in states if "failure" not in state.record]
         solved = Solved(
             len(records) == len(states),
@@ -61,7 +54,7 @@ class LinearStates:
             versions=self.versions,
             notes=tuple(dict.fromkeys(note for record in records for note in record["notes"])),
         )
-        return Result("linear_bem", states[-1].balls, solved, states)
+        return Result("linear_bem", states[-1].balls, solved, states).to_dict()
 
     def _state(self, kind: LoadKind, values: tuple[float, ...]) -> Step:
         if (kind, values) not in self._solved:
@@ -69,23 +62,19 @@ class LinearStates:
         return self._solved[kind, values]
 
     def _solve(self, kind: LoadKind, values: tuple[float, ...]) -> Step:
-        record: dict[str, Any] = {"prescribed": kind}
-        if max(values) <= 0.0:
-            return self._nothing({**record, "failure": "no ball is pressed in"})
-        try:
-            result = MODELS["linear_bem"].solve(self.problem.with_load(kind, values), Run(self.accuracy))
-        except ThirdBodyError as error:  # one missing ratio must not end a long finite-strain run
-            return self._nothing({**record, "failure": f"linear model: {error}"})
-        self.versions = result.solved.versions
-        return Step(result.balls, record | {key: getattr(result.solved, key) for key in COST})
-
-    def _nothing(self, record: dict[str, Any]) -> Step:
-        nan = math.nan
-        balls = tuple(
-            BallResult(ball.position, ball.radius, nan, nan, (nan, nan), nan, nan, nan) for ball in self.problem.balls
-        )
-        return Step(balls, record)
+        failure, nan = "no ball is pressed in", math.nan
+        if max(values) > 0.0:
+            try:
+                result = MODELS["linear_bem"].solve(self.problem.with_load(kind, values), Run(self.accuracy))
+            except ThirdBodyError as error:  # one missing ratio must not end a long finite-strain run
+                failure = f"linear model: {error}"
+            else:
+                self.versions = result.solved.versions
+                return Step(result.balls, {"prescribed": kind, **{key: getattr(result.solved, key) for key in COST}})
+        balls = (BallResult(b.position, b.radius, nan, nan, (nan, nan), nan, nan, nan) for b in self.problem.balls)
+        return Step(tuple(balls), {"prescribed": kind, "failure": failure})
 
 
-def _values(step: Mapping[str, Any], name: str) -> tuple[float, ...]:
+def _values(kind: str, step: Mapping[str, Any]) -> tuple[float, ...]:
+    name = "normal_force" if kind == "force" else kind
     return tuple(float(ball[name]) for ball in step["balls"])

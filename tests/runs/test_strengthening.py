@@ -235,10 +235,10 @@ def test_the_account_of_a_resumed_comparison_is_that_of_its_own_states(
     monkeypatch.setitem(MODELS, "linear_bem", dataclasses.replace(MODELS["linear_bem"], solve=solve_linear))
     problem = Problem(Layer(1.0, 0.45, 1.5), (Ball((0.0, 0.0), 1.0),), Load("force", (1.0,)))
     coarse, fine = ([{"balls": [{"normal_force": value}]} for value in values] for values in ((1.0, 2.0), (1.0, 5.0)))
-    saved = {"finite": {"steps": coarse}, "linear": LinearStates(problem, None, {}).at_force(coarse)}
+    saved = {"finite": {"steps": coarse}, "linear": LinearStates(problem, None, {}).along("force", coarse)}
     if not accounted:  # as earlier versions saved them
         saved["linear"]["steps"] = [{**step, "record": {"prescribed": "force"}} for step in saved["linear"]["steps"]]
-    solved = LinearStates(problem, None, saved).at_force(fine)["solved"]
+    solved = LinearStates(problem, None, saved).along("force", fine)["solved"]
     assert made == [1.0, 2.0, *([] if accounted else [1.0]), 5.0]
     assert (solved["iterations"], solved["unknowns"], solved["seconds"]) == (6, 7, 6.0)
     assert solved["notes"] == ["at 1", "at 5"]

@@ -137,9 +137,8 @@ def test_an_answer_whose_error_bar_is_its_difference_from_the_reference_may_be_w
     assert {row["verdict"] for row in rows} == {verdict}
 
     case = case_of(small_load.PART, quick=True)
-    (pressed,) = LinearStates(case.problem, None, {}).at_force(
-        [{"balls": pair(0.01, PAPER_LOAD, 0.0, 0.0), "record": {"fraction": 1.0}}]
-    )["steps"]
+    steps = [{"balls": pair(0.01, PAPER_LOAD, 0.0, 0.0), "record": {"fraction": 1.0}}]
+    (pressed,) = LinearStates(case.problem, None, {}).along("force", steps)["steps"]
     size, _ = pull(pressed["balls"])
     balls = pair(0.01, PAPER_LOAD, (1.0 + wrong) * size, 0.0)
     record = {"fraction": 1.0, "tangential_force_error_at_force": [abs(wrong * size)] * 2}

@@ -50,9 +50,9 @@ def load_paths(found: Found, folder: Path) -> list[tuple[Case, list[dict[str, An
 def _rows(case: Case, steps: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return one row per load step of ball 0; lengths over R and forces over E1 R^2 as the problem is dimensionless."""
     linear = LinearStates(case.problem, None, {})
-    at_force, at_approach = linear.at_force(steps)["steps"], linear.at_approach(steps)["steps"]
+    at_force, at_approach = linear.along("force", steps)["steps"], linear.along("approach", steps)["steps"]
     balls = tuple(dataclasses.replace(ball, shape="paraboloid") for ball in case.problem.balls)
-    paraboloids = LinearStates(dataclasses.replace(case.problem, balls=balls), None, {}).at_force(steps)["steps"]
+    paraboloids = LinearStates(dataclasses.replace(case.problem, balls=balls), None, {}).along("force", steps)["steps"]
     compared = [row for row in compare_steps(steps, at_force, at_approach) if row["ball"] == 0]
     rows = []
     for row, step, plain in zip(compared, steps, paraboloids, strict=True):

@@ -45,7 +45,7 @@ def rows(found: Found) -> list[dict[str, Any]]:
     table = []
     for case in found.done(NAME):
         steps = found.steps(case.name)
-        (truth,) = LinearStates(case.problem, 1e-7, {}).at_approach(steps[-1:])["steps"]
+        (truth,) = LinearStates(case.problem, 1e-7, {}).along("approach", steps[-1:])["steps"]
         sizes = [step["record"]["order"] * step["record"]["fineness"] for step in steps]
         for quantity in ("Q", "T / Q²"):
             known = _value(truth, quantity)

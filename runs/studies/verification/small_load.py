@@ -54,7 +54,7 @@ def _row(case: Case, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
     if case.model == SMALL:
         steps = steps[-1:]
-    linear = LinearStates(case.problem, None, {}).at_force(steps)["steps"]
+    linear = LinearStates(case.problem, None, {}).along("force", steps)["steps"]
     ratios, bars = np.array([_ratio(step, other) for step, other in zip(steps, linear, strict=True)]).T
     depths = np.array([step["balls"][0]["approach"] for step in steps])
     value, bar = float(ratios[-1]), float(bars[-1])
