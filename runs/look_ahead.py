@@ -14,7 +14,7 @@ from linear_bem.result import Result
 from linear_bem.sampled_solution import SAMPLE
 from linear_bem.smooth.contacts import CHECKED
 from runs.display.numbers import leading_ball
-from runs.models import COMMAND_BYTES, MODELS, Run, without
+from runs.models import COMMAND_BYTES, MODELS, Run, at_small_strain
 
 CLOSE, ABOUT = 7, 5
 """Number of balls up to which advice is on the whole scene; number of balls in the advice on larger scenes: the ball
@@ -39,7 +39,7 @@ def ahead_of(problem: Problem, accuracy: float | None) -> tuple[Problem, Sequenc
     Return the problem of these balls, their numbers, their result, and the time [s] of all balls of ``problem``. The
     error of many balls is estimated by a smaller sample than in the run, whose sample may take most of the time.
     """
-    small = without(problem, ["finite_strain"])
+    small = at_small_strain(problem)
     if np.count_nonzero(_loaded(small)) > CHECKED:
         part, seen = in_the_middle(small, MANY)
         phases = _Phases()
@@ -93,7 +93,7 @@ def closest(problem: Problem, ahead: Result) -> tuple[Problem, Result]:
     place = problem.positions[leading_ball([ball.to_dict() for ball in ahead.balls])]
     if problem.load.kind == "total_force":
         problem = problem.with_load("force", [ball.normal_force for ball in ahead.balls])
-    part = only(without(problem, ["finite_strain"]), _nearest(problem, place, ABOUT))
+    part = only(at_small_strain(problem), _nearest(problem, place, ABOUT))
     return part, measured(part, ROUGH)
 
 

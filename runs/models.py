@@ -65,22 +65,27 @@ USUAL = 0.02
 COMMAND_SECONDS, LINEAR_SECONDS, COMMAND_BYTES = 1.7, 1.1, 7e7
 """Overhead of a command (imports, figures, files), measured on small scenes: processor time [s] with finite elements,
 with the linear model; memory [bytes]."""
-Planner = Callable[[Problem, float | None, Mapping[str, float], Sequence[float] | None], dict[str, Any]]
-"""Problem, accuracy, budget, load fractions."""
+HALF_SPACE, FINITE = frozenset({"substrate"}), frozenset({"finite_strain"})
 
 
 @dataclass(frozen=True)
 class Model:
-    """A model: the effects that it supports, that select it, and that it may ignore if the user names the model."""
+    """A model, the effects that it supports and, of finite elements, the plan of a run.
+
+    Arguments of ``plan``: problem, accuracy, budget, load fractions. A model named by the user may leave out finite
+    strain, which it replaces by a simpler law.
+    """
 
     name: str
     summary: str
     effects: frozenset[str]
     solve: Callable[[Problem, Run], Result]
-    called_for_by: frozenset[str] = frozenset()
-    leaves_out: frozenset[str] = frozenset()
-    parallel: bool = False
-    plan: Planner | None = field(default=None)
+    plan: Callable[[Problem, float | None, Mapping[str, float], Sequence[float] | None], dict[str, Any]] | None = None
+
+    @property
+    def parallel(self) -> bool:
+        """Whether the model runs on several ranks."""
+        return self.plan is not None
 
 
 def _accuracy(value: float | None) -> dict[str, float]:
@@ -172,30 +177,22 @@ def _slower(plan: Mapping[str, Any], factor: float) -> dict[str, Any]:
     return {key: longer(key, value) for key, value in plan.items()}
 
 
-_HALF_SPACE = frozenset({"substrate"})
-_FINITE = frozenset({"finite_strain"})
+def _of_elements(name: str, summary: str, effects: frozenset[str]) -> Model:
+    return Model(name, summary, effects, partial(_elements, name), partial(_elements_plan, name))
+
+
 MODELS = {
     model.name: model
     for model in (
         Model(
-            "linear_bem", "small strain, boundary elements", _HALF_SPACE | {"periodic"},
-            partial(_stepwise, _linear_bem), leaves_out=_FINITE,
+            "linear_bem", "small strain, boundary elements", HALF_SPACE | {"periodic"}, partial(_stepwise, _linear_bem)
         ),
-        Model(
-            "finite_strain", "hyperelastic finite elements", _HALF_SPACE | _FINITE, partial(_elements, "finite_strain"),
-            called_for_by=_FINITE, parallel=True, plan=partial(_elements_plan, "finite_strain"),
-        ),
-        Model(
-            "small_strain", "small strain, the same finite elements", _HALF_SPACE, partial(_elements, "small_strain"),
-            leaves_out=_FINITE, parallel=True, plan=partial(_elements_plan, "small_strain"),
-        ),
-        Model(
-            "point_load", "small strain, balls as point loads", _HALF_SPACE, partial(_stepwise, _point_load),
-            leaves_out=_FINITE,
-        ),
+        _of_elements("finite_strain", "hyperelastic finite elements", HALF_SPACE | FINITE),
+        _of_elements("small_strain", "small strain, the same finite elements", HALF_SPACE),
+        Model("point_load", "small strain, balls as point loads", HALF_SPACE, partial(_stepwise, _point_load)),
     )
-}  # fmt: skip
-"""The default for a scene is the first model here that supports its effects and is selected by them."""
+}
+"""The default for a scene is the first model here that supports its effects."""
 
 
 def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tuple[str, ...]]:
@@ -203,7 +200,7 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
 
     Without ``asked``, the first model that supports every effect of the scene. A model named by the user may ignore
     an effect that it replaces by a simpler law; a note says so. Raises `UnsupportedProblem` for an effect that this
-    model, or every model, lacks. Models do not move the balls: ``evolve`` passes them the scene from `standing`.
+    model lacks. Models do not move the balls: ``evolve`` passes them the scene from `standing`.
     """
     wanted = frozenset(scene.effects)
     moving = frozenset(name for name in wanted if EFFECTS[name].of_drift)
@@ -212,27 +209,20 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
             f"{scene.path}: {_names(moving)}: solve and compare do not move the balls; "
             f"use `thirdbody evolve {scene.path}`, or remove the table{'s' if len(moving) > 1 else ''}"
         )
-    nowhere = wanted.difference(*(model.effects for model in MODELS.values()))
-    if nowhere:
-        raise UnsupportedProblem(f"{scene.path}: {_names(nowhere)}: no model supports it; remove the table")
-    if asked is None:
-        model = next(m for m in MODELS.values() if wanted <= m.effects and m.called_for_by <= wanted)
-        return model, scene.problem, scene.doubts
-    model = MODELS[asked]
-    lacking = wanted - model.effects - model.leaves_out
-    if lacking:
-        having = [m.name for m in MODELS.values() if wanted <= m.effects]
+    having = [model for model in MODELS.values() if wanted <= model.effects]
+    model = MODELS[asked] if asked else having[0]
+    if lacking := wanted - model.effects - FINITE:
         raise UnsupportedProblem(
-            f"{scene.path}: {_names(lacking)}: model {asked} lacks it; remove the table or use --model {having[0]}"
+            f"{scene.path}: {_names(lacking)}: model {asked} lacks it; remove the table or use --model {having[0].name}"
         )
-    missing = model.called_for_by - wanted
-    if missing:
+    if missing := model.effects & FINITE - wanted:
         raise UnsupportedProblem(
             f"{scene.path}: model {asked} needs {_names(missing)}, which the scene does not have; add the table"
         )
-    dropped = sorted(wanted & model.leaves_out)
-    notes = tuple(f"[{e}] left out by --model {asked}: {EFFECTS[e].without}" for e in dropped)
-    return model, without(scene.problem, dropped), (*scene.doubts, *notes)
+    if wanted <= model.effects:
+        return model, scene.problem, scene.doubts
+    note = f"[finite_strain] left out by --model {asked}: {EFFECTS['finite_strain'].without}"
+    return model, at_small_strain(scene.problem), (*scene.doubts, note)
 
 
 def planned_runs(
@@ -268,10 +258,9 @@ def standing(scene: Scene) -> Scene:
     return dataclasses.replace(scene, effects=effects, drift={})
 
 
-def without(problem: Problem, effects: list[str]) -> Problem:
-    """Return ``problem`` without the named effects."""
-    nothing: dict[str, Any] = dict.fromkeys(effects)
-    return dataclasses.replace(problem, **nothing)
+def at_small_strain(problem: Problem) -> Problem:
+    """Return ``problem`` without finite strain."""
+    return dataclasses.replace(problem, finite_strain=None)
 
 
 def _names(effects: frozenset[str]) -> str:

@@ -21,7 +21,7 @@ from runs.display import tables
 from runs.display.numbers import Scale, attraction, bodies, leading_ball, line_of, number
 from runs.display.plan_words import domain, memory_words, name, word
 from runs.look_ahead import ABOUT, CLOSE, FEW, ROUGH, ahead_of, closest, measured, memory, out_of_cell, unknowns_of
-from runs.models import LINEAR_SECONDS, MODELS, USUAL, Model, as_command, choose, load_path, standing
+from runs.models import FINITE, LINEAR_SECONDS, MODELS, USUAL, Model, as_command, choose, load_path, standing
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
 from runs.scene import messages
@@ -71,25 +71,36 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool 
     if advises:
         advice, inputs, more = _advice(scene, problem, part, ahead, seen, _patience(problem, seconds, begun))
         notes = (*notes, *more)
+    law, warnings = _law(problem), tables.warnings(ahead.solved.to_dict())
+    if problem.finite_strain is not None:  # of the limits of small strain only those on impossible depths
+        warnings = [text for text in warnings if MEANINGLESS in text]
+    doubts = [f"{law.name}: {text}" for text in law.doubts(problem.layer.poisson)]
+    simulated = {*scene.effects} - (FINITE - model.effects)
     document = {
         "scene": as_given(scene.data),
         "title": scene.title,
         "bodies": bodies(problem, scale),
-        "effects_present": [e for e in EFFECTS if e in scene.effects and e not in model.leaves_out],
-        "effects_absent": [e for e in EFFECTS if e not in scene.effects or e in model.leaves_out],
+        "effects_present": [e for e in EFFECTS if e in simulated],
+        "effects_absent": [e for e in EFFECTS if e not in simulated],
         "models": plans,
         "linear_estimate": [ball.to_dict() for ball in ahead.balls],
         "leading_ball": leading,
         "advice": [dataclasses.asdict(item) for item in advice],
         "sensitivity": inputs,
-        "warnings": _warnings(problem, ahead),
-        "notes": [*notes, *left_out(scene, model), *_doubts(problem)],
+        "warnings": warnings,
+        "notes": [*notes, *left_out(scene, model), *doubts],
         "evolution": evolution,
     }
     if as_json:
         sys.stdout.write(to_json(document))
     else:
         _show(document, scale, scene, whole)
+
+
+def _law(problem: Problem) -> Law:
+    law = (problem.finite_strain or FiniteStrain()).chosen
+    assert isinstance(law, Law)  # of a scene
+    return law
 
 
 def _advice(
@@ -105,8 +116,7 @@ def _advice(
     ball = ball if close is part else 0
     if near is ahead and "periodic" in scene.drift:  # it was solved in the cell
         near = measured(close, ROUGH)
-    chosen = (scene.problem.finite_strain or FiniteStrain()).chosen
-    law = chosen.name if isinstance(chosen, Law) else "an own one"
+    law = _law(scene.problem).name
     adviser = Adviser(close, near, scene.tangential_force, scene.effects, patience, law, ball)
     inputs, notes = None, []
     with waiting("the linear model with and without each effect, for this plan's advice; --no-advice leaves it out"):
@@ -181,18 +191,6 @@ def _in_compare(model: Model, scene: Scene, problem: Problem) -> dict[str, Any]:
         return {"refused": messages.of_problem(str(error), scene.data)}
     shown = ("load_steps", "unknowns", "memory_bytes", "seconds", "processor_seconds", "perhaps")
     return plain({key: path[key] for key in shown if key in path})
-
-
-def _warnings(problem: Problem, ahead: Result) -> list[str]:
-    """Return the notes where small strain does not hold; at finite strain only those on impossible depths."""
-    found = tables.warnings(ahead.solved.to_dict())
-    return found if problem.finite_strain is None else [text for text in found if MEANINGLESS in text]
-
-
-def _doubts(problem: Problem) -> list[str]:
-    """Return notes on the states where the layer's strain energy is not known to be polyconvex."""
-    law = None if problem.finite_strain is None else problem.finite_strain.chosen
-    return [f"{law.name}: {text}" for text in law.doubts(problem.layer.poisson)] if isinstance(law, Law) else []
 
 
 def _show(document: Mapping[str, Any], scale: Scale, scene: Scene, problem: Problem) -> None:

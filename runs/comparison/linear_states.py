@@ -7,7 +7,7 @@ from typing import Any
 from linear_bem.errors import ThirdBodyError
 from linear_bem.problem import LoadKind, Problem
 from linear_bem.result import BallResult, Result, Solved, Step
-from runs.models import MODELS, USUAL, Run, without
+from runs.models import MODELS, USUAL, Run, at_small_strain
 from runs.process.json_values import Document
 
 SHARE, LEAST, MOST = 0.05, 1e-4, 1e-3
@@ -30,7 +30,7 @@ class LinearStates:
     """
 
     def __init__(self, problem: Problem, tangential_force: float | None, earlier: Mapping[str, Any]) -> None:
-        self.problem = without(problem, ["finite_strain"])
+        self.problem = at_small_strain(problem)
         self.accuracy = accuracy_beside(tangential_force)
         self.versions: Mapping[str, str] = {}
         self._solved: dict[tuple[str, tuple[float, ...]], Step] = {}

@@ -27,7 +27,7 @@ from linear_bem.solution import Solution
 from linear_bem.touching import wrapped
 from runs.comparison.strengthening_factors import ROUNDOFF
 from runs.display.numbers import SHOWN, Scale, leading_ball, number, percent
-from runs.models import MODELS, Run, without
+from runs.models import MODELS, Run, at_small_strain
 from runs.process.json_values import Document
 
 STEP = 0.005
@@ -67,7 +67,7 @@ def record(problem: Problem, ball: int | None = None) -> Document | None:
     exponents that must be 1 and 2. ``failure``: the error of the linear model that prevents all this.
     """
     try:
-        return _record(without(problem, ["finite_strain"]), ball)
+        return _record(at_small_strain(problem), ball)
     except ThirdBodyError as error:
         return {"failure": str(error)}
 
