@@ -36,14 +36,15 @@ class OutputFolder:
     """The folder of one run, for use on rank 0 only.
 
     ``identity`` describes the run (command, model, problem, accuracy). Raises `OutputUnusable` if the folder belongs to
-    another run, holds other files, or cannot be written. ``stopped``: an earlier process of this run was killed.
+    another run, holds other files, or cannot be written. ``stopped``: an earlier process of this run was killed;
+    ``complete``: the run is.
     """
 
     def __init__(self, path: Path, identity: Mapping[str, Any], scene_text: str, *, fresh: bool = False) -> None:
         self.path = path
         self.identity = plain(identity, infinity="inf")
         self._lock: IO[str] | None = None
-        self.stopped = False
+        self.stopped = self.complete = False
         try:
             self._open(scene_text, fresh)
         except OutputUnusable:
@@ -62,7 +63,7 @@ class OutputFolder:
         if self.path.exists() and not self.path.is_dir():
             raise OutputUnusable(f"{self.path}: is a file, not a folder; name another --out")
         self.path.mkdir(parents=True, exist_ok=True)
-        known = self._take_lock()
+        locked = self._take_lock()
         mark = read_json(self.path / MARK)
         # on a full disk, a run may leave only its first files, complete or not
         others = [p.name for p in self.path.iterdir() if p.name not in FIRST and not p.name.startswith(DRAFT)]
@@ -78,14 +79,16 @@ class OutputFolder:
             )
         if (mark is not None or damaged) and fresh:
             self._clear()
+            mark = None
         elif mark is not None and (fixed := _fixed(mark.get("identity"))) != _fixed(self.identity):
             raise OutputUnusable(
                 f"{self.path}: holds another run ({difference(fixed, _fixed(self.identity))}); "
                 "name another --out, or replace that run with --fresh"
             )
-        state = self._state()
-        self.stopped = known and state == RUNNING
-        if state != FINISHED:
+        if mark is not None:
+            self.stopped = locked and mark.get("state") == RUNNING
+            self.complete = mark == {"identity": self.identity, "state": FINISHED}  # else more cycles may follow
+        if not self.complete:
             self._write_mark(RUNNING)
         write_text(self.path / "scene.toml", scene_text)
 
@@ -107,20 +110,13 @@ class OutputFolder:
     def _write_mark(self, state: str) -> None:
         write_text(self.path / MARK, to_json({"identity": self.identity, "state": state}))
 
-    def _state(self) -> str | None:
-        mark = read_json(self.path / MARK)
-        if mark is None:
-            return None
-        prolonged = mark.get("state") == FINISHED and mark.get("identity") != self.identity
-        return INTERRUPTED if prolonged else mark.get("state")
-
     def saved(self) -> dict[str, Any] | None:
         """Return the document that an earlier run saved, complete or not."""
         return read_json(self.path / "result.json")
 
     def finished(self) -> dict[str, Any] | None:
         """Return the saved document of a complete run."""
-        return self.saved() if self._state() == FINISHED else None
+        return self.saved() if self.complete else None
 
     def save(self, document: Mapping[str, Any], rows: Iterable[Mapping[str, Any]]) -> None:
         """Write result.json and steps.csv; each file is replaced atomically."""
@@ -130,11 +126,12 @@ class OutputFolder:
     def finish(self) -> None:
         """Mark the run as complete; from now on, the same command prints the saved document."""
         self._write_mark(FINISHED)
+        self.complete = True
 
     def stop(self, error: type[BaseException]) -> None:
         """Mark the run as ended by an error; the same command continues it."""
         with contextlib.suppress(OutputUnusable):  # the error that ends the run is the one to report
-            if self._state() != FINISHED:
+            if not self.complete:
                 self._write_mark(ended(error))
 
     def log(self, text: str) -> None:
