@@ -154,12 +154,12 @@ def render(
     ] = False,
 ) -> None:
     """Draw the deformed layer and its balls in three dimensions, and animate the load path."""
-    from runs.commands.render import RenderOptions, read_size, render_run  # noqa: PLC0415
+    from runs.commands.render import VIEWS, read_size, render_run  # noqa: PLC0415
 
-    views = {} if view is None else {"views": tuple(dict.fromkeys(view))}
     render_run(
-        run, RenderOptions(field, step=step, out=out, animation=animation, size=read_size(size), whole=whole, **views)
-    )
+        run, field=field, views=list(dict.fromkeys(view or VIEWS)), step=step, out=out, animation=animation,
+        size=read_size(size), whole=whole,
+    )  # fmt: skip
 
 
 @app.command()

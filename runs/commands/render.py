@@ -5,7 +5,6 @@ import importlib.util
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -28,51 +27,51 @@ SIZE = (1600, 1000)
 FRAME = (960, 600)
 
 
-@dataclass(frozen=True)
-class RenderOptions:
-    """Options of the command line: field, views, step (None: the last), folder, animation, size in pixels.
+def render_run(
+    run: Path, *, field: str = "von_mises", views: Sequence[str] = tuple(VIEWS), step: int | None = None,
+    out: Path | None = None, animation: bool = True, size: tuple[int, int] = SIZE, whole: bool = False,
+) -> list[Path]:  # fmt: skip
+    """Draw the fields that a run has written and return the picture files.
 
-    ``whole``: write the whole scene's fields for ParaView instead of pictures.
+    ``step``: None is the last one; ``size`` in pixels; ``whole``: write the whole scene's fields for ParaView instead.
     """
-
-    field: str = "von_mises"
-    views: tuple[str, ...] = tuple(VIEWS)
-    step: int | None = None
-    out: Path | None = None
-    animation: bool = True
-    size: tuple[int, int] = SIZE
-    whole: bool = False
-
-
-def render_run(run: Path, options: RenderOptions) -> list[Path]:
-    """Draw the fields that a run has written and return the picture files."""
     if not ranks.is_root():
         return []
-    _check(options)
+    _check(field, views, size)
     files = step_files(run)
-    if options.whole:
-        index = write_whole(files, options.out or files[max(files)].parent / FOLDER)
+    if whole:
+        index = write_whole(files, out or files[max(files)].parent / FOLDER)
         print_status(f"the whole scene, step by step, for ParaView and meshio: {index}")
         return [index]
-    last = options.step if options.step is not None else max(files)
+    last = step if step is not None else max(files)
     if last not in files:
         raise InvalidProblem(f"--step {last}: {run} holds steps {', '.join(map(str, sorted(files)))}")
     _check_vtk()
-    out = options.out or run / PICTURES
+    out = out or run / PICTURES
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputUnusable(f"{out}: cannot be made: {error.strerror or error}; name another --out") from None
-    shown = _Shown(read_step(files[last], last, options.field), options)
-    made = []
-    for view in options.views:
-        path = out / f"{options.field}_{view}_step_{last:04d}.png"
-        sheet.save_png(shown.sheet(shown.last, view, options.size), path)
+    shown = _Shown(read_step(files[last], last, field), field)
+    made = list[Path]()
+
+    def drawn(path: Path) -> None:
         made.append(path)
         print_status(f"drawn: {path}")
+
+    for view in views:
+        path = out / f"{field}_{view}_step_{last:04d}.png"
+        sheet.save_png(shown.sheet(shown.last, view, size), path)
+        drawn(path)
     path_so_far = [n for n in sorted(files) if n <= last]
-    if options.animation and len(path_so_far) > 1:
-        made += _animate(shown, [files[n] for n in path_so_far], path_so_far, out)
+    if animation and len(path_so_far) > 1:
+        frame = (min(FRAME[0], size[0]), min(FRAME[1], size[1]))
+        sheets = [shown.sheet(read_step(files[n], n, field), views[0], frame) for n in path_so_far]
+        path = out / f"{field}_{views[0]}.gif"
+        sheet.save_gif(sheets, path)
+        drawn(path)
+        if sheet.save_mp4(sheets, path.with_suffix(".mp4")):
+            drawn(path.with_suffix(".mp4"))
     return made
 
 
@@ -87,15 +86,14 @@ def read_size(text: str) -> tuple[int, int]:
 class _Shown:
     """One field drawn at every load step with the colour limits of the last one."""
 
-    def __init__(self, last: WrittenStep, options: RenderOptions) -> None:
-        self.last, self.options = last, options
-        self.coloring = COLORINGS[options.field]
+    def __init__(self, last: WrittenStep, field: str) -> None:
+        self.last, self.field, self.coloring = last, field, COLORINGS[field]
         layer = last.of_layer  # the substrate is drawn grey
         seen = Window.around(last).contains(last.points[layer])
         self.limits = self.coloring.limits(self._values(last)[layer][seen])
 
     def _values(self, step: WrittenStep) -> NDArray[np.float64]:
-        return self.coloring.number(step.fields[self.options.field])
+        return self.coloring.number(step.fields[self.field])
 
     def sheet(self, step: WrittenStep, view: str, size: tuple[int, int]) -> NDArray[np.uint8]:
         """Return the sheet (height, width, 3) of one step."""
@@ -108,34 +106,17 @@ class _Shown:
         factor, metre = prefixed("m", deepest.approach, step.dimensionless)
         own = "" if step.dimensionless else f"{number(factor * deepest.approach)} {metre} = "
         caption = f"step {step.number}:  D = {own}{over}"
-        unit = step.units[self.options.field]
+        unit = step.units[self.field]
         return sheet.compose(
             picture, seen, self.coloring, self.limits, unit, caption, size, dimensionless=step.dimensionless
         )
 
 
-def _animate(shown: _Shown, files: Sequence[Path], numbers: Sequence[int], out: Path) -> list[Path]:
-    view = shown.options.views[0]
-    steps = (read_step(path, n, shown.options.field) for path, n in zip(files, numbers, strict=True))
-    size = (min(FRAME[0], shown.options.size[0]), min(FRAME[1], shown.options.size[1]))
-    sheets = [shown.sheet(step, view, size) for step in steps]
-    path = out / f"{shown.options.field}_{view}.gif"
-    sheet.save_gif(sheets, path)
-    made = [path]
-    if sheet.save_mp4(sheets, path.with_suffix(".mp4")):
-        made.append(path.with_suffix(".mp4"))
-    for path in made:
-        print_status(f"drawn: {path}")
-    return made
-
-
-def _check(options: RenderOptions) -> None:
-    faults = []
-    if options.field not in COLORINGS:
-        faults.append(f"--field {options.field}: is none of {', '.join(COLORINGS)}")
-    faults += [f"--view {view}: is none of {', '.join(VIEWS)}" for view in options.views if view not in VIEWS]
-    if min(options.size) < 200 or max(options.size) > 8000:
-        faults.append(f"--size {options.size[0]}x{options.size[1]}: each side must have 200 to 8000 pixels")
+def _check(field: str, views: Sequence[str], size: tuple[int, int]) -> None:
+    faults = [] if field in COLORINGS else [f"--field {field}: is none of {', '.join(COLORINGS)}"]
+    faults += [f"--view {view}: is none of {', '.join(VIEWS)}" for view in views if view not in VIEWS]
+    if min(size) < 200 or max(size) > 8000:
+        faults.append(f"--size {size[0]}x{size[1]}: each side must have 200 to 8000 pixels")
     if faults:
         raise InvalidProblem(*faults)
 

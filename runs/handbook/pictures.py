@@ -9,7 +9,7 @@ from pathlib import Path
 from PIL import Image, ImageSequence
 
 from runs.commands.compare import compare_scene
-from runs.commands.render import RenderOptions, render_run
+from runs.commands.render import render_run
 from runs.evolution.evolving import evolve_scene
 from runs.handbook import sketch
 from runs.handbook.tutorials import ROOT
@@ -26,7 +26,7 @@ def draw_layer() -> None:
     """Write deformed_layer.png."""
     run = OUT / "pair"
     compare_scene(read_scene(ROOT / "runs" / "scenes" / "paper_thin_pair.toml"), Options(out=run))
-    (made,) = render_run(run, RenderOptions(views=("cut",), animation=False))
+    (made,) = render_run(run, views=("cut",), animation=False)
     picture = Image.open(made).convert("RGB")
     picture = picture.resize((WIDTH, round(WIDTH * picture.height / picture.width)), Image.Resampling.LANCZOS)
     picture.quantize(128).save(PICTURES / "deformed_layer.png", optimize=True)

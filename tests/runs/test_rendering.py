@@ -18,7 +18,7 @@ from linear_bem import Ball, Cone, Layer, Load, Problem, Punch
 from linear_bem.errors import InvalidProblem, OutputUnusable
 from linear_bem.indenter import HeightFunction
 from runs.commands import render
-from runs.commands.render import RenderOptions, read_size, render_run
+from runs.commands.render import read_size, render_run
 from runs.display.numbers import Scale
 from runs.pictures import drawing
 from runs.pictures.coloring import COLORINGS, prefixed, round_length
@@ -67,7 +67,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def drawn(run: Path) -> list[Path]:
-    return render_run(run, RenderOptions(size=(480, 300)))
+    return render_run(run, size=(480, 300))
 
 
 def pixels(path: Path) -> np.ndarray:
@@ -130,8 +130,8 @@ def test_colours_are_those_of_the_layer_and_units_those_of_the_tables(run: Path)
         cells=np.concatenate([step.cells, step.cells + len(below)]), region=np.repeat([1, 2], len(step.cells)),
         fields={"von_mises": np.concatenate([step.fields["von_mises"], np.full(len(below), 1e12)])},
     )  # fmt: skip
-    limits = render._Shown(step, RenderOptions()).limits
-    assert render._Shown(stiffer, RenderOptions()).limits == limits
+    limits = render._Shown(step, "von_mises").limits
+    assert render._Shown(stiffer, "von_mises").limits == limits
     unlike = tuple(drawing.DrawnBall((x, 0.0), radius, 0.1, "sphere") for x, radius in ((-1.0, 1.0), (1.0, 0.5)))
     problem = Problem(Layer(1.0, 0.48, 1.16), tuple(Ball(b.position, b.radius) for b in unlike), Load("force", (1, 1)))
     assert dataclasses.replace(step, balls=unlike, young=1.0).dimensionless == Scale.of(problem).dimensionless
@@ -180,16 +180,16 @@ def test_a_long_body_without_an_edge_is_drawn_to_its_reach_and_not_to_the_sky() 
 
 def test_what_cannot_be_drawn_is_refused_in_plain_words(run: Path, tmp_path: Path) -> None:
     with pytest.raises(InvalidProblem, match=r"--step 7: .* holds steps 1, 2"):
-        render_run(run, RenderOptions(step=7))
+        render_run(run, step=7)
     with pytest.raises(InvalidProblem) as caught:
-        render_run(run, RenderOptions(field="mises", views=("below",), size=(10, 300)))
+        render_run(run, field="mises", views=("below",), size=(10, 300))
     assert len(caught.value.faults) == 3
     with pytest.raises(InvalidProblem, match="width x height"):
         read_size("large")
     with pytest.raises(OutputUnusable, match=r"holds no field pressure .there are displacement, von_mises"):
-        render_run(run, RenderOptions(field="pressure"))
+        render_run(run, field="pressure")
     with pytest.raises(OutputUnusable, match="holds no written fields"):
-        render_run(tmp_path, RenderOptions())
+        render_run(tmp_path)
 
 
 def test_a_missing_pyvista_is_named_with_the_command_that_mends_it(run: Path, tmp_path: Path) -> None:

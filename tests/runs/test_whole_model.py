@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
-from runs.commands.render import RenderOptions, render_run
+from runs.commands.render import render_run
 from runs.pictures.written_step import step_files
 from tests.runs.test_rendering import write_run
 
@@ -28,7 +28,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
             u[:, 0] = 0.1 * x
             file["node_fields/displacement"][...] = u
             file["node_fields/cauchy_stress"].attrs.update(unit="Pa", kind="Tensor")
-    (index,) = render_run(run, RenderOptions(whole=True))
+    (index,) = render_run(run, whole=True)
     return index
 
 
