@@ -8,12 +8,14 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from linear_bem.counts import grouped
+from linear_bem.report import silent
 from linear_bem.result import Step
 from runs.display.numbers import Scale, attraction, duration, leading_ball, number
 from runs.process import signals
 from runs.session.clock import Clock
 from runs.session.terminal import Bar, on_terminal, print_status
 
+LOG = logging.getLogger("finite_strain")
 LAST_OF_SEARCH = 0.9
 """Share of the work done when the path finder begins its last step."""
 COUNTED = {"unknowns": "unknowns", "ranks": "rank(s)", "load_steps": "load step(s)", "resumed_steps": "of them saved"}
@@ -43,16 +45,10 @@ class Progress:
     """
 
     def __init__(
-        self,
-        scale: Scale,
-        goal: float | None,
-        *,
-        root: bool,
-        take: Callable[[Step], None],
-        log: Callable[[str], None] = lambda text: None,
-        draw: Callable[[Step, Any], None] | None = None,
+        self, scale: Scale, goal: float | None, *, root: bool, take: Callable[[Step], None],
+        log: Callable[[str], None] = silent, draw: Callable[[Step, Any], None] | None = None,
         expected: Sequence[float] = (),
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.scale, self.goal, self.root = scale, goal, root
         self.take, self.log, self.draw = take, log, draw
         self.clock = Clock(expected)
@@ -66,13 +62,15 @@ class Progress:
 
     def __enter__(self) -> Progress:
         if self.root:
-            self._messages.begin()
+            LOG.addHandler(self._messages)
+            LOG.setLevel(logging.INFO)
+            LOG.propagate = False  # UFL prints what reaches the root
         if self._bar is not None:
             self._bar.bar.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._messages.end()
+        LOG.removeHandler(self._messages)
         if self._bar is not None:
             self._bar.bar.stop()
 
@@ -190,22 +188,7 @@ class _Messages(logging.Handler):
 
     def __init__(self, show: Callable[[str, str], None]) -> None:
         super().__init__()
-        self._show, self._said, self._log = show, set[str](), logging.getLogger("finite_strain")
-        self._before: tuple[int, bool] | None = None
-
-    def begin(self) -> None:
-        """Receive messages from now on."""
-        self._before = self._log.level, self._log.propagate
-        self._log.addHandler(self)
-        self._log.setLevel(logging.INFO)
-        self._log.propagate = False  # UFL prints what reaches the root
-
-    def end(self) -> None:
-        """Receive no more."""
-        if self._before is not None:
-            self._log.removeHandler(self)
-            level, self._log.propagate = self._before
-            self._log.setLevel(level)
+        self._show, self._said = show, set[str]()
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print a message, unless it was printed before."""
