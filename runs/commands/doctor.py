@@ -1,6 +1,5 @@
 """The command ``doctor``: what is installed, what is wrong with it, and the command that repairs it."""
 
-import importlib.metadata
 import json
 import os
 import platform
@@ -9,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 from runs.display import tables
@@ -31,7 +31,7 @@ OPTIONAL = {
     "pyvista": ("`thirdbody render` needs it", INSTALL_PICTURES),
 }
 """Packages that only some commands need: the command, and how to install the package."""
-OLDEST_DOLFINX = (0, 5, 2)
+OLDEST_DOLFINX = "0.5.2"
 LAUNCHED_BY_MPI = ("OMPI_COMM", "OMPI_UNIVERSE", "OMPI_MCA_ess", "OMPI_MCA_orte", "PMIX_", "PMI_", "PRTE_", "ORTE_")
 PROBE = """
 import importlib, json, sys
@@ -81,6 +81,11 @@ class Package:
         """Whether the package comes from Debian."""
         return "/dist-packages/" in self.file or self.file.startswith("/usr/lib/")
 
+    @property
+    def is_wheel(self) -> bool:
+        """Whether the package can be imported and comes from elsewhere."""
+        return not self.error and not self.of_debian
+
 
 @dataclass(frozen=True)
 class Report:
@@ -116,18 +121,17 @@ def examine(*, as_json: bool) -> int:
         document = {"findings": [asdict(f) for f in findings], "healthy": not wrong, "every_model_runs": not blocked}
         sys.stdout.write(to_json(document))
         return 1 if blocked else 0
-    out = tables.console()
+    say = partial(tables.console().print, highlight=False, markup=False, soft_wrap=True)
     for finding in findings:
         mark = ("wrong" if finding.blocks else "slow") if finding.fault else "ok"
-        out.print(f"{mark:6}{finding.name:10}{finding.found}", highlight=False, markup=False, soft_wrap=True)
+        say(f"{mark:6}{finding.name:10}{finding.found}")
         if finding.fault:
-            out.print(f"{'':16}{finding.fault}", highlight=False, markup=False, soft_wrap=True)
-            out.print(f"{'':16}repair: {finding.remedy}", highlight=False, markup=False, soft_wrap=True, style="bold")
+            say(f"{'':16}{finding.fault}")
+            say(f"{'':16}repair: {finding.remedy}", style="bold")
     if blocked:
-        verdict = "linear_bem and point_load can run; finite_strain and small_strain cannot: repair the faults above"
+        say("linear_bem and point_load can run; finite_strain and small_strain cannot: repair the faults above")
     else:
-        verdict = "every model can run" + (", but the repairs above are advised" if wrong else "")
-    out.print(verdict, highlight=False)
+        say("every model can run" + (", but the repairs above are advised" if wrong else ""))
     return 1 if blocked else 0
 
 
@@ -170,46 +174,39 @@ def _python(python: str, report: Report) -> Finding:
 
 
 def _numpy(report: Report, python: str) -> Finding:
-    numpy, dolfinx = report.packages["numpy"], report.packages["dolfinx"]
+    numpy, dolfinx, fault = report.packages["numpy"], report.packages["dolfinx"], ""
     if numpy.error:
         return Finding("numpy", "none", numpy.error, _install("python3-numpy"))
-    wheels = [name for name in ("numpy", "scipy") if _is_wheel(report.packages[name])]
-    found, remedy = f"{numpy.version}, {numpy.folder}", f"{python} -m pip uninstall -y {' '.join(wheels)}"
-    if any("numpy" in package.error for package in report.packages.values()) and not numpy.of_debian:
-        return Finding("numpy", found, "not the numpy that DOLFINx was built for", remedy)
-    if dolfinx.of_debian and not numpy.of_debian:
+    if any("numpy" in package.error for package in report.packages.values()) and numpy.is_wheel:
+        fault = "not the numpy that DOLFINx was built for"
+    elif dolfinx.of_debian and numpy.is_wheel:
         fault = f"a wheel beside Debian's DOLFINx ({dolfinx.folder}), which was built for Debian's numpy"
-        return Finding("numpy", found, fault, remedy)
-    return Finding("numpy", found)
-
-
-def _is_wheel(package: Package) -> bool:
-    return not package.error and not package.of_debian
+    found = f"{numpy.version}, {numpy.folder}"
+    wheels = " ".join(name for name in ("numpy", "scipy") if report.packages[name].is_wheel)
+    return Finding("numpy", found, fault, f"{python} -m pip uninstall -y {wheels}" if fault else "")
 
 
 def _package(name: str, report: Report, python: str) -> Finding:
-    this, dolfinx = report.packages[name], report.packages["dolfinx"]
-    has_system = os.path.realpath(python) == os.path.realpath(SYSTEM_PYTHON)
-    if "numpy" in this.error and _is_wheel(report.packages["numpy"]):
+    this, dolfinx, remedy = report.packages[name], report.packages["dolfinx"], _install(PACKAGES[name])
+    if "numpy" in this.error and report.packages["numpy"].is_wheel:
         return Finding(name, "none", this.error, "that of numpy, above")
     if this.error:
-        return Finding(name, "none", this.error, _install(PACKAGES[name]) if has_system else OVER_SYSTEM_PYTHON)
-    version = this.version or _distribution_version(name)
-    found = f"{version}, {this.folder}".removeprefix(", ")
-    if name == "petsc4py":
-        found = f"PETSc {this.library}, {this.scalar}, {this.folder}"
-        if "complex" in this.scalar:
-            return Finding(name, found, "PETSc is built for complex numbers", _install("python3-dolfinx-real"))
-    if name == "mpi4py":
-        found = f"{this.library}; mpi4py {found}"
-    if name == "dolfinx" and _numbers(version) < OLDEST_DOLFINX:
-        oldest = ".".join(map(str, OLDEST_DOLFINX))
-        return Finding(name, found, f"older than {oldest}, the oldest that is supported", _install(PACKAGES[name]))
-    if name == "h5py" and dolfinx.of_debian and not this.of_debian:
-        fault = "a wheel with an HDF5 of its own beside Debian's DOLFINx: it fails once DOLFINx is loaded"
-        remedy = f"{python} -m pip uninstall -y h5py; {_install(PACKAGES[name])}"
-        return Finding(name, found, fault, remedy)
-    return Finding(name, found)
+        has_system = os.path.realpath(python) == os.path.realpath(SYSTEM_PYTHON)
+        return Finding(name, "none", this.error, remedy if has_system else OVER_SYSTEM_PYTHON)
+    found, fault = f"{this.version}, {this.folder}", ""
+    match name:
+        case "petsc4py":
+            found = f"PETSc {this.library}, {this.scalar}, {this.folder}"
+            if "complex" in this.scalar:
+                fault, remedy = "PETSc is built for complex numbers", _install(PACKAGES["dolfinx"])
+        case "mpi4py":
+            found = f"{this.library}; mpi4py {found}"
+        case "dolfinx" if _numbers(this.version) < _numbers(OLDEST_DOLFINX):
+            fault = f"older than {OLDEST_DOLFINX}, the oldest that is supported"
+        case "h5py" if dolfinx.of_debian and this.is_wheel:
+            fault = "a wheel with an HDF5 of its own beside Debian's DOLFINx: it fails once DOLFINx is loaded"
+            remedy = f"{python} -m pip uninstall -y h5py; {remedy}"
+    return Finding(name, found, fault, remedy if fault else "")
 
 
 def _blas(report: Report) -> Finding:
@@ -234,13 +231,6 @@ def _launcher() -> Finding:
     if launcher is None:
         return Finding("mpirun", "none", "several ranks cannot be started", _install("openmpi-bin"), blocks=False)
     return Finding("mpirun", os.path.realpath(launcher))
-
-
-def _distribution_version(name: str) -> str:
-    try:
-        return importlib.metadata.version(name)
-    except importlib.metadata.PackageNotFoundError:
-        return ""
 
 
 def _numbers(version: str) -> tuple[int, ...]:
