@@ -7,7 +7,7 @@ minutes to compute.
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -136,19 +136,19 @@ class Adviser:
         if self.law != FITTED_LAW:
             beyond.append(f"the law {FITTED_LAW} (here {self.law})")
         error = fit_error(approach, thickness, layer.poisson, distance)
-        unsure = abs(change) - error <= self.accuracy < abs(change) + error
-        matters = None if beyond or unsure else self._judged(change)
+        is_near = abs(change) - error <= self.accuracy < abs(change) + error
+        matters = None if beyond or is_near else self._judged(change)
         verb = "changes" if present else "would change"
-        said = f"{_rounded(change, 2):+g} \u00b1 {_rounded(error, 2):g} % at equal force, by a fit"
-        shown: tuple[float | None, float | None] = (change, error)
+        sign, (size, unsure) = "+" if change >= 0.0 else "", (number(100.0 * value, 2) for value in (change, error))
+        said = f"{sign}{size} \u00b1 {unsure} % at equal force, by a fit"
         if beyond:
-            shown = None, None
             said = f"an unknown amount, in either direction: the fit is for {', '.join(beyond)}"
             said += "" if {"reciprocation", "periodic"} & {*self.effects} else "; `thirdbody compare` computes it"
         do = "" if present else "; add [finite_strain]"
         if matters is False:
             do = "; it can be left out" if present else "; not needed"
-        return Advice("finite_strain", present, *shown, matters, f"finite strain {verb} T by {said}{do}")
+        known, sure = (None, None) if beyond else (change, error)
+        return Advice("finite_strain", present, known, sure, matters, f"finite strain {verb} T by {said}{do}")
 
     def _shape(self) -> list[Advice]:
         shapes = {ball.shape for ball in self.problem.balls}
@@ -166,19 +166,20 @@ class Adviser:
         layer, substrate = self.problem.layer, self.problem.substrate
         if not math.isfinite(layer.thickness):
             return []
-        if substrate is not None:
-            change = self._changed(dataclasses.replace(self.problem, substrate=None))
-            matters = self._judged(change)
-            text = f"the substrate's compliance: a rigid base would change T by {percent(change)}"
-            return [Advice("substrate", True, change, None, matters, text)]
-        for ratio in STIFFNESSES:
-            change = self._changed(dataclasses.replace(self.problem, substrate=Elastic(ratio * layer.young, 0.3)))
-            if self._judged(change):
+        others = [None] if substrate else [Elastic(ratio * layer.young, 0.3) for ratio in STIFFNESSES]
+        for other in others:
+            change = self._changed(dataclasses.replace(self.problem, substrate=other))
+            matters: bool | None = self._judged(change)
+            if matters:
                 break
-        text = f"a substrate {ratio:g} times as stiff as the layer would change T by {percent(change)}"
-        if self._judged(change):
-            return [Advice("substrate", False, change, None, None, f"{text}; add [substrate] if yours is no stiffer")]
-        return [Advice("substrate", False, change, None, False, text)]
+        if other is None:
+            text = f"the substrate's compliance: a rigid base would change T by {percent(change)}"
+        else:
+            ratio = other.young / layer.young
+            text = f"a substrate {ratio:g} times as stiff as the layer would change T by {percent(change)}"
+            if matters:
+                matters, text = None, f"{text}; add [substrate] if yours is no stiffer"
+        return [Advice("substrate", substrate is not None, change, None, matters, text)]
 
     def _poisson(self) -> list[Advice]:
         layer = self.problem.layer
@@ -195,11 +196,11 @@ class Adviser:
         text = f"size of the contacts: treating the balls as point loads would change T by {percent(change)}{words}"
         return [Advice("contact size", True, change, None, matters, text)]
 
-    def _neighbours(self) -> Iterator[Advice]:
+    def _neighbours(self) -> list[Advice]:
         """Advise beyond which distance neighbours can be neglected, by the point-load law of each pair."""
         rings = sorted({round(d, 12) for d in self.away if d > 0.0})
         if len(rings) < 2:
-            return
+            return []
         law = MODELS["point_load"].solve
         forces = [ball.normal_force for ball in self.ahead.balls]
 
@@ -218,13 +219,13 @@ class Adviser:
             if left > self.accuracy:
                 break
             nearest, change = ring, left
-        if nearest == rings[-1]:
-            text = f"even the farthest neighbours change T by {percent(left)}"
-            yield Advice("neighbours", True, left, None, True, text)
+        all_matter = nearest == rings[-1]
+        if all_matter:
+            change, text = left, f"even the farthest neighbours change T by {percent(left)}"
         else:
             beyond = number(nearest / self.problem.balls[self.ball].radius, 3)
             text = f"neighbours beyond {beyond} R change T by {percent(change)} in all"
-            yield Advice("neighbours", True, change, None, False, text)
+        return [Advice("neighbours", True, change, None, all_matter, text)]
 
     def _reciprocation(self) -> Advice:
         ball = self.ahead.balls[self.ball]
@@ -235,8 +236,3 @@ class Adviser:
             f"(|T|/({FRICTION:g} Q)); add [reciprocation] if it slides"
         )
         return Advice("reciprocation", False, None, None, None, text)
-
-
-def _rounded(share: float, digits: int) -> float:
-    """Return a share in per cent, rounded to significant digits; it prints without an exponent: 10, not 1e+01."""
-    return float(f"{100.0 * share:.{digits}g}")
