@@ -58,7 +58,8 @@ def _common(
 ) -> Document:  # fmt: skip
     """Return the contents common to solutions and comparisons; ``more``: further facts about the ``ball`` shown."""
     rows, which = some_balls(balls, scale, periodic=periodic)
-    return {
+    others = dict.fromkeys(("answer", "sentences", "compared", "inputs", "path", "routes", "tables"))
+    return others | {
         "ball": ball,
         "facts": _state(balls, ball, scale, solved, periodic=periodic) | more | _account(solved),
         "notes": list(solved["notes"]),
@@ -78,7 +79,8 @@ def _solution(folder: Folder, document: Mapping[str, Any]) -> Document:
     found = _common(balls, leading, document["solved"], scale, {}, periodic=periodic)
     heads = unit.heading("Tx"), unit.heading("Ty")
     steps = document["steps"]
-    found["path"] = path_rows(steps, leading, scale, periodic=periodic) if len(steps) > 1 else []
+    if len(steps) > 1:
+        found["path"] = path_rows(steps, leading, scale, periodic=periodic)
     _, kind = line_of(balls, leading, balls[leading]["tangential_force"], periodic=periodic)
     found["signs"] = legend_of_line(balls, kind)
     found["routes"] = [
@@ -107,15 +109,10 @@ def _comparison(folder: Folder, document: Mapping[str, Any]) -> Document:
     found["answer"] = document["answer"]
     found["compared"] = comparison_rows(document["comparison"], finite["balls"], ball, scale)
     found["signs"] = legend_of_line(finite["balls"], compared_line(rows, finite["balls"], ball)[1], "T linear")
-    return found | _sensitivity(folder, document, scale)
-
-
-def _sensitivity(folder: Folder, document: Mapping[str, Any], scale: Scale) -> Document:
-    if document.get("sensitivity") is None:
-        return {}
-    problem = Tables.model_validate(tomllib.loads(folder.scene_text)).problem()
-    inputs, caption = sensitivity.beside(document, problem, scale)
-    return {"inputs": inputs, "inputs_checked": caption}
+    if document.get("sensitivity") is not None:
+        problem = Tables.model_validate(tomllib.loads(folder.scene_text)).problem()
+        found["inputs"], found["inputs_checked"] = sensitivity.beside(document, problem, scale)
+    return found
 
 
 def _tables(document: Mapping[str, Any], omitted: Sequence[str], length: Unit) -> list[tuple[str, list[Document], str]]:
