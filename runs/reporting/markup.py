@@ -19,9 +19,12 @@ def render(**values: Any) -> str:
 
 
 def columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, tuple[str, bool]]:
-    """Return the heading of every column, and whether the column holds words."""
+    """Return the heading of every column, and whether it holds words; a symbol such as S_Q keeps its underscore."""
     keys = dict.fromkeys(key for row in rows for key in row)
-    return {key: (heading(key), any(_is_words(row.get(key)) for row in rows)) for key in keys}
+    return {
+        key: (key.replace("_", " ") if key.islower() else key, any(_is_words(row.get(key)) for row in rows))
+        for key in keys
+    }
 
 
 def cell(value: Any) -> tuple[str, str]:
@@ -31,11 +34,6 @@ def cell(value: Any) -> tuple[str, str]:
     if isinstance(value, str):
         return value, ("long" if len(value) > LONG else "words") if _is_words(value) else ""
     return ("\u2013" if value is None else number(value) if isinstance(value, float) else str(value)), ""
-
-
-def heading(key: str) -> str:
-    """Return a key as a heading: underscores of a plain key become spaces, a symbol such as S_Q remains."""
-    return key.replace("_", " ") if key.islower() else key
 
 
 def _is_words(value: Any) -> bool:

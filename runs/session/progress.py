@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from linear_bem.counts import grouped
-from linear_bem.report import silent
+from linear_bem.report import seldom, silent
 from linear_bem.result import Step
 from runs.display.numbers import Scale, attraction, duration, leading_ball, number
 from runs.process import signals
@@ -24,8 +24,6 @@ SMALL_STRAIN = "small strain"
 SOON = 0.5
 """Time left [s] below which no estimate is printed. After a saved mesh the next one is not planned yet, and the
 estimate would be 0."""
-EVERY = 2.0
-"""Least time [s] between lines of `Progress.note`."""
 MODELLED = ("whole model", "half model", "quarter model")
 
 
@@ -53,7 +51,8 @@ class Progress:
         self.take, self.log, self.draw = take, log, draw
         self.clock = Clock(expected)
         self._bar = Bar(self.clock) if root and expected and on_terminal() else None
-        self._step_began = self._noted = time.monotonic()
+        self._step_began = time.monotonic()
+        self._seldom = seldom(self._say)
         self._cuts = self._steps = self._steps_done = 0
         self._states = self._states_done = 0.0
         self._small: bool | None = None  # whether the state that is being solved is at small strain
@@ -125,12 +124,13 @@ class Progress:
     def note(self, text: str) -> None:
         """Print a line of a solver that reports no load steps, every few seconds, and check for an interruption."""
         signals.check()
-        now = time.monotonic()
-        if self.root and now - self._noted > EVERY:
-            self._noted = now
-            words = f"{text}   {self._times()}"
-            print_status(words)
-            self.log(words)
+        if self.root:
+            self._seldom(text)
+
+    def _say(self, text: str) -> None:
+        words = f"{text}   {self._times()}"
+        print_status(words)
+        self.log(words)
 
     def step_done(self, step: Step, surface: Callable[[], Any]) -> None:
         """Pass the step to ``take``, then print it: a printed step is already on disk.
