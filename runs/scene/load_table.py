@@ -1,5 +1,6 @@
 """The scene's table [load]: one key of the load, and the intermediate load steps."""
 
+from functools import partial
 from typing import Self
 
 from pydantic import model_validator
@@ -7,7 +8,7 @@ from pydantic_core import PydanticCustomError
 
 from linear_bem.errors import InvalidProblem
 from linear_bem.problem import LoadKind
-from runs.scene.units import Force, Forces, Lengths, Listed, OneOrMany, Table, fault, quantities
+from runs.scene.units import Force, Forces, Lengths, Listed, OneOrMany, Table, fault, many, number, quantity
 
 LOAD_KEYS: tuple[LoadKind, ...] = ("approach", "force", "total_force")
 SAME = 1e-9
@@ -51,13 +52,13 @@ class LoadTable(Table):
         what = f"of {kind}" if unit else "between 0 and 1, fractions of the unlike loads"
         written = ", ".join(str(step) for step in self.steps) or "none"
         try:
-            steps = quantities(list(self.steps), unit)
+            steps = many([*self.steps], partial(quantity, unit=unit) if unit else number, "step")
         except PydanticCustomError as error:
             remedy = "" if unit else "; write steps = [0.25, 0.5]"
             raise InvalidProblem(
                 f"load.steps: must hold values {what} ({error.message()}), got {written}{remedy}"
             ) from None
-        if not steps or steps[0] <= 0.0 or steps != sorted(set(steps)):
+        if not steps or steps[0] <= 0.0 or steps != tuple(sorted({*steps})):
             raise InvalidProblem(f"load.steps: must be greater than 0 and rise, got {written}; list small loads first")
         if not full * (1.0 + SAME) >= steps[-1]:
             most, got = (f"{value:g} {unit}".rstrip() for value in (full, steps[-1]))

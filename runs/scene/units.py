@@ -70,9 +70,7 @@ def whole(value: object) -> int:
 
 def direction(value: object) -> tuple[float, float]:
     """Return the unit vector along a list [x, y] of plain numbers."""
-    if not isinstance(value, list) or len(value) != 2:
-        raise fault("must be a list [x, y] of two plain numbers, such as [1, 0]")
-    x, y = _items(value, number, of="number")
+    x, y = many(value, number, "number", "must be a list [x, y] of two plain numbers, such as [1, 0]", 2)
     length = math.hypot(x, y)
     if not 0.0 < length < math.inf:
         raise fault("must point somewhere: a finite [x, y] that is not [0, 0]")
@@ -191,9 +189,7 @@ def _dimension(unit: Any) -> str:
 
 def one_or_many(value: object, parse: Callable[[object], T]) -> T | tuple[T, ...]:
     """Return one parsed value, or a tuple of them for a list: one per ball."""
-    if isinstance(value, list):
-        return tuple(_items(value, parse, of="value"))
-    return parse(value)
+    return many(value, parse, "value") if isinstance(value, list) else parse(value)
 
 
 def named(value: object, names: Sequence[str]) -> str:
@@ -206,71 +202,58 @@ def named(value: object, names: Sequence[str]) -> str:
 
 def one_or_many_axes(value: object) -> tuple[float, ...] | tuple[tuple[float, ...], ...]:
     """Return three lengths [m], or a tuple of three of each of several bodies."""
-    three = partial(lengths, count=3, rule=THREE)
     if isinstance(value, list) and any(isinstance(item, list) for item in value):
-        return tuple(_items(value, three, of="value"))
-    return three(value)
-
-
-def listed(value: object) -> tuple[object, ...]:
-    """Return the items of a list as they are written: their unit depends on another key."""
-    if not isinstance(value, list):
-        raise fault("must be a list")
-    return tuple(value)
-
-
-def quantities(values: list[object], unit: str) -> list[float]:
-    """Return load steps in ``unit``, or plain numbers where there is none; raises `PydanticCustomError`."""
-    return _items(values, partial(quantity, unit=unit) if unit else number, of="step")
-
-
-def lengths(value: object, count: int, rule: str) -> tuple[float, ...]:
-    """Return a list of ``count`` lengths [m]; ``rule`` says what else the value must be."""
-    if not isinstance(value, list) or len(value) != count:
-        raise fault(rule)
-    return tuple(_items(value, partial(quantity, unit="m"), of="length"))
+        return many(value, three_lengths, "value")
+    return three_lengths(value)
 
 
 def position_pairs(value: object) -> tuple[tuple[float, float], ...]:
     """Return the axis positions (x, y) [m] of a list of pairs."""
     if not isinstance(value, list) or not all(isinstance(pair, list) and len(pair) == 2 for pair in value):
         raise fault('must be a list of [x, y] pairs, such as [["-8 mm", 0], ["8 mm", 0]]')
-    flat = _items([c for pair in value for c in pair], partial(quantity, unit="m"), per_ball=2)
+    flat = many([c for pair in value for c in pair], metres, "ball", per_item=2)
     return tuple(zip(flat[::2], flat[1::2], strict=True))
 
 
-def numbers(value: object) -> tuple[float, ...]:
-    """Return the plain numbers of a list."""
-    return tuple(_items(list(listed(value)), number, of="number"))
+def many(
+    value: object, parse: Callable[[object], T], of: str, rule: str = "must be a list", count: int | None = None,
+    per_item: int = 1,
+) -> tuple[T, ...]:  # fmt: skip
+    """Return the parsed values of a list, of ``count`` values where that is given; ``rule`` is the fault of all else.
 
-
-def _items(values: list[object], parse: Callable[[object], T], per_ball: int = 1, of: str = "ball") -> list[T]:
+    ``of`` names an item of the list in the faults of its values, of which an item has ``per_item``.
+    """
+    if not isinstance(value, list) or count not in (None, len(value)):
+        raise fault(rule)
     parsed, faults = list[T](), []
-    for index, value in enumerate(values):
+    for index, each in enumerate(value):
         try:
-            parsed.append(parse(value))
+            parsed.append(parse(each))
         except PydanticCustomError as error:
-            faults.append(f"{of} {index // per_ball}: {error.message()}")
+            faults.append(f"{of} {index // per_item}: {error.message()}")
     if faults:
         raise fault("; ".join(faults))
-    return parsed
+    return tuple(parsed)
 
 
+metres = partial(quantity, unit="m")
+three_lengths = partial(
+    many, parse=metres, of="length", rule='must be a list of three lengths, such as ["8 mm", "6 mm", "8 mm"]', count=3
+)
 Number = Annotated[float, PlainValidator(number)]
-Numbers = Annotated[tuple[float, ...], PlainValidator(numbers)]
-Listed = Annotated[tuple[object, ...], PlainValidator(listed)]
+Numbers = Annotated[tuple[float, ...], PlainValidator(partial(many, parse=number, of="number"))]
+Listed = Annotated[tuple[object, ...], PlainValidator(partial(many, parse=lambda value: value, of="item"))]
 Whole = Annotated[int, PlainValidator(whole)]
 Direction = Annotated[tuple[float, float], PlainValidator(direction)]
-Length = Annotated[float, PlainValidator(partial(quantity, unit="m"))]
+Length = Annotated[float, PlainValidator(metres)]
 Pressure = Annotated[float, PlainValidator(partial(quantity, unit="Pa"))]
 Force = Annotated[float, PlainValidator(partial(quantity, unit="N"))]
 OneOrMany = float | tuple[float, ...]
-Lengths = Annotated[OneOrMany, PlainValidator(partial(one_or_many, parse=partial(quantity, unit="m")))]
+Lengths = Annotated[OneOrMany, PlainValidator(partial(one_or_many, parse=metres))]
 Angles = Annotated[OneOrMany, PlainValidator(partial(one_or_many, parse=partial(quantity, unit="rad")))]
 Forces = Annotated[OneOrMany, PlainValidator(partial(one_or_many, parse=partial(quantity, unit="N")))]
 TWO = "must be two lengths, along x and y"
-TwoLengths = Annotated[tuple[float, float], PlainValidator(partial(lengths, count=2, rule=TWO))]
-THREE = 'must be a list of three lengths, such as ["8 mm", "6 mm", "8 mm"]'
+TwoLengths = Annotated[tuple[float, float], PlainValidator(partial(many, parse=metres, of="length", rule=TWO, count=2))]
 SemiAxes = Annotated[tuple[Any, ...], PlainValidator(one_or_many_axes)]
 Positions = Annotated[tuple[tuple[float, float], ...], PlainValidator(position_pairs)]
 
