@@ -56,7 +56,7 @@ def _linger(seconds: float) -> None:
 def _verdict(error: BaseException) -> tuple[int, str]:
     if signals.received() or isinstance(error, KeyboardInterrupt):
         code = 128 + (signals.received() or signal.SIGINT)
-        saves = sys.argv[1:2] == ["study"] or signals.resumable()
+        saves = sys.argv[1:2] == ["study"] or signals.resumable
         kept = "; finished steps are saved, and the same command continues from there" if saves else ""
         return code, f"thirdbody: stopped{kept}"
     if isinstance(error, SystemExit):

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+resumable = False
+"""Whether this run saves its finished parts, so that it can be resumed."""
 _received: int | None = None
-_resumable = False
 _held = False
 
 
@@ -15,13 +16,6 @@ def listen() -> None:
     """Turn SIGINT and SIGTERM into `KeyboardInterrupt`."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _note)
-
-
-def resumable(value: bool | None = None) -> bool:
-    """Return, or with ``value`` set, whether this run saves its finished parts, so that it can be resumed."""
-    global _resumable  # noqa: PLW0603
-    _resumable = _resumable if value is None else value
-    return _resumable
 
 
 def received() -> int | None:

@@ -59,7 +59,7 @@ class Session:
         self.notes = (*notes, *left_out(scene, self.model))
         self.scale = Scale.of(self.problem, scene.data)
         self.steps = scene.steps or (None if command == "compare" else (1.0,))
-        signals.resumable(evolves or self.model.parallel or len(self.steps or (1.0,)) > 1)
+        signals.resumable = evolves or self.model.parallel or len(self.steps or (1.0,)) > 1
         self.plan: Document = {}
         if self.model.plan is not None and not evolves:  # refuses early what the model does not support
             self.plan = self.model.plan(self.problem, scene.tangential_force, scene.budget, self.steps)

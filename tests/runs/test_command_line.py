@@ -190,7 +190,7 @@ def test_an_interrupted_command_speaks_of_saved_steps_where_it_saves_any(
     command: str, load_steps: str, saves: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["thirdbody", command, "scene.toml"])
-    monkeypatch.setattr(signals, "_resumable", False)
+    monkeypatch.setattr(signals, "resumable", False)
     if command == "solve":
         scene = tmp_path / "scene.toml"
         scene.write_text((ROOT / LINEAR).read_text(encoding="utf-8").replace("[load]", f"[load]\n{load_steps}"))
