@@ -1,4 +1,7 @@
-"""Progress of a run: one line per load step on standard error, and a bar on a terminal; every step is passed on."""
+"""Progress of a run: one line per load step on standard error, and a bar on a terminal; every step is passed on.
+
+The remaining time is estimated from the plan and from the pace so far.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +15,7 @@ from linear_bem.report import seldom, silent
 from linear_bem.result import Step
 from runs.display.numbers import Scale, attraction, duration, leading_ball, number
 from runs.process import signals
-from runs.session.clock import Clock
-from runs.session.terminal import Bar, on_terminal, print_status
+from runs.session.terminal import on_terminal, print_status
 
 LOG = logging.getLogger("finite_strain")
 LAST_OF_SEARCH = 0.9
@@ -24,6 +26,11 @@ SMALL_STRAIN = "small strain"
 SOON = 0.5
 """Time left [s] below which no estimate is printed. After a saved mesh the next one is not planned yet, and the
 estimate would be 0."""
+GROWTH = 1.5
+"""Exponent of the growth of time with the number of unknowns from one mesh to the next."""
+TRUST = 0.1
+"""Share of the planned work after which the pace so far counts as much as the plan's: the first meshes are small, and
+their pace says little about that of large ones."""
 MODELLED = ("whole model", "half model", "quarter model")
 
 
@@ -181,6 +188,83 @@ class Progress:
         if "iterations" in step.record:
             words.append(f"{step.record['iterations']} iterations")
         return "   ".join(words)
+
+
+class Clock:
+    """Estimates the remaining time; ``expected``: planned times [s] of the first meshes, empty without a plan."""
+
+    def __init__(self, expected: Sequence[float] = (), now: Callable[[], float] = time.monotonic) -> None:
+        self._expected, self._trust, self._now = list(expected), TRUST * sum(expected), now
+        self._began = self._worked = now()
+        self._share, self._mesh, self._unknowns, self._saved = 0.0, 0, 0.0, 0.0
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the run began."""
+        return self._now() - self._began
+
+    def begin(self) -> None:
+        """Note that the work begins: the time before, for example for compilation, does not count towards the pace."""
+        self._worked = self._now()
+
+    def next_mesh(self, unknowns: float, saved: float = 0.0) -> None:
+        """Begin a mesh, of which the share ``saved`` is done; an unplanned mesh is taken to cost more than the last."""
+        self._mesh += 1
+        if self._expected and self._mesh >= len(self._expected):
+            self._expected.append(self._expected[-1] * (unknowns / self._unknowns) ** GROWTH)
+        self._unknowns, self._share = unknowns, saved
+        if saved > 0.0:
+            self._saved = self._work()
+
+    def reached(self, share: float) -> None:
+        """Note the completed share of the current mesh's work."""
+        self._share = share
+
+    @property
+    def done(self) -> float | None:
+        """Completed share of the planned work; None without a plan."""
+        total = sum(self._expected)
+        return self._work() / total if total > 0.0 else None
+
+    @property
+    def left(self) -> float | None:
+        """Seconds to the end of the current and all further planned meshes; None without a plan."""
+        total = sum(self._expected)
+        if total <= 0.0:
+            return None
+        done = self._work()
+        pace = (self._now() - self._worked + self._trust) / (done - self._saved + self._trust)
+        return pace * (total - done)
+
+    def _work(self) -> float:
+        present = self._expected[self._mesh : self._mesh + 1]
+        return sum(self._expected[: self._mesh]) + self._share * sum(present)
+
+
+class Bar:
+    """Progress bar of the planned work with elapsed and remaining time, below the lines of a run."""
+
+    def __init__(self, clock: Clock) -> None:
+        from rich.console import Console  # noqa: PLC0415  (only on a terminal)
+        from rich.progress import BarColumn, ProgressColumn, TextColumn  # noqa: PLC0415
+        from rich.progress import Progress as RichProgress  # noqa: PLC0415
+        from rich.table import Column  # noqa: PLC0415
+        from rich.text import Text  # noqa: PLC0415
+
+        class Times(ProgressColumn):
+            def render(self, task: Any) -> Text:
+                left = clock.left
+                return Text(duration(clock.elapsed) + (f", about {duration(left)} left" if left else ""))
+
+        words, times = TextColumn("{task.description}", markup=False), Times(Column(no_wrap=True))
+        self.bar = RichProgress(
+            words, BarColumn(), times, console=Console(stderr=True), transient=True, refresh_per_second=2
+        )
+        self._clock, self._task = clock, self.bar.add_task("starting", total=1.0)
+
+    def show(self, state: str) -> None:
+        """Show what is being done."""
+        self.bar.update(self._task, description=state, completed=self._clock.done or 0.0)
 
 
 class _Messages(logging.Handler):

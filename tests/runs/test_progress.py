@@ -16,8 +16,7 @@ from linear_bem.result import BallResult, Step
 from runs import cli
 from runs.display.numbers import Scale
 from runs.process import ranks
-from runs.session.clock import Clock
-from runs.session.progress import Progress
+from runs.session.progress import Clock, Progress
 from runs.session.terminal import on_terminal, waiting
 from tests.launch import ROOT
 
