@@ -29,10 +29,6 @@ class WholeLines(io.TextIOBase):
         self._waiting = ""
         self._patience = PATIENCE
 
-    def writable(self) -> bool:
-        """Return True."""
-        return True
-
     def fileno(self) -> int:
         """Return the pipe's file descriptor."""
         return self._descriptor
@@ -56,8 +52,6 @@ class WholeLines(io.TextIOBase):
         self._send(text.encode())
 
     def _send(self, piece: bytes) -> None:
-        if not piece:
-            return
         while piece:
             piece = piece[os.write(self._descriptor, piece) :]
         deadline = time.monotonic() + self._patience
