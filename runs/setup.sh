@@ -21,10 +21,7 @@ say() { printf 'setup: %s\n' "$*"; }
 stop() {
   printf 'setup: %s\n' "$1" >&2
   shift
-  while (($#)); do
-    printf '       %s\n' "$1" >&2
-    shift
-  done
+  if (($#)); then printf '       %s\n' "$@" >&2; fi
   exit 1
 }
 
@@ -77,19 +74,10 @@ check_system() {
 }
 
 find_missing_packages() {
-  local package status
-  local -A installed=()
-  while read -r package status; do
-    if [[ $status == installed ]]; then installed[$package]=1; fi
-  done < <(dpkg-query -W -f='${Package} ${db:Status-Status}\n' "${debian_packages[@]}" "${blas_packages[@]}" 2>/dev/null)
-  missing=()
-  for package in "${debian_packages[@]}"; do
-    if [[ ! -v installed[$package] ]]; then missing+=("$package"); fi
-  done
-  for package in "${blas_packages[@]}"; do
-    if [[ -v installed[$package] ]]; then return; fi
-  done
-  missing+=("${blas_packages[0]}")
+  local installed
+  installed=$(dpkg-query -W -f='${Package} ${db:Status-Status}\n' "${debian_packages[@]}" "${blas_packages[@]}" 2>/dev/null | sed -n 's/ installed$//p') || true
+  mapfile -t missing < <(printf '%s\n' "${debian_packages[@]}" | grep -vxF -- "$installed")
+  grep -qxF -- "$installed" < <(printf '%s\n' "${blas_packages[@]}") || missing+=("${blas_packages[0]}")
 }
 
 become_root() {
@@ -344,7 +332,6 @@ make_ready() {
   local folder
   if [[ $1 == packages ]]; then
     ensure_packages
-    if [[ -n $log ]]; then rm -f "$log"; fi
     return
   fi
   mkdir -p "$venv" 2>/dev/null || true
@@ -370,7 +357,6 @@ make_ready() {
     touch "$venv/.thirdbody-$hash-run" "$venv/.thirdbody-$hash-$1"
   fi
   exec 9>&-
-  if [[ -n $log ]]; then rm -f "$log"; fi
 }
 
 # set_up run|render|docs|test|packages
@@ -387,6 +373,7 @@ set_up() {
   check_system
   set_mpi_environment
   is_ready "$1" || make_ready "$1"
+  if [[ -n $log ]]; then rm -f "$log"; fi
   check_blas
   find_mpirun || true
 }
