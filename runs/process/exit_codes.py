@@ -37,20 +37,13 @@ def run_to_end(task: Callable[[], int | None]) -> NoReturn:
     if code:
         ranks.end_together(code, last_words=words, patience=1.0 if signals.received() else ranks.PATIENCE)
     if not ranks.joined() and not ranks.is_root():
-        _linger(3.0 if code else 0.5)
+        # rank 0 may be failing, so the launcher ends this process: Open MPI reports it after 1 s, without it after 2 s
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        time.sleep(3.0 if code else 0.5)
         code = 0
     if signals.received():
         os._exit(code)  # interrupted libraries may hang in their clean-up
     sys.exit(code)
-
-
-def _linger(seconds: float) -> None:
-    """Wait until the launcher ends this process, in case rank 0 is failing.
-
-    Open MPI reports a failure after 1 s if another rank is still running, after 2 s otherwise.
-    """
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    time.sleep(seconds)
 
 
 def _verdict(error: BaseException) -> tuple[int, str]:

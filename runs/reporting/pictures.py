@@ -42,9 +42,12 @@ def figure(path: Path, number: int, words: str = "") -> str:
     if path.suffix == ".svg":
         content, ratio = _inline(path.read_text(encoding="utf-8"), f"figure{number}", words)
     else:
+        from PIL import Image  # noqa: PLC0415  (comes with matplotlib)
+
         data = path.read_bytes()
+        width, height = Image.open(io.BytesIO(data)).size
         source = f"data:{KINDS[path.suffix]};base64,{base64.b64encode(data).decode()}"
-        content, ratio = f'<img src="{source}" alt="{escape(words)}">', _ratio(data)
+        content, ratio = f'<img src="{source}" alt="{escape(words)}">', width / height
     shape, words = "wide" if ratio >= WIDE else "tall", escape(words)
     inside = f'<div class="picture {shape}" tabindex="0" role="group" aria-label="{words}">{content}</div>'
     return f"<figure>{inside}<figcaption>{words}</figcaption></figure>"
@@ -74,11 +77,3 @@ def _inline(text: str, prefix: str, words: str) -> tuple[str, float]:
     head, rest = text.split(">", 1)
     head = re.sub(r'\s(width|height)="[^"]*"', "", head)
     return f'{head} role="img" aria-label="{escape(words)}">{rest.strip()}', size[2] / size[3]
-
-
-def _ratio(data: bytes) -> float:
-    """Return width over height of a raster picture."""
-    from PIL import Image  # noqa: PLC0415  (comes with matplotlib)
-
-    width, height = Image.open(io.BytesIO(data)).size
-    return float(width / height)

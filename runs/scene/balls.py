@@ -87,7 +87,9 @@ class BallsTable(Table):
         balls = []
         for i, (place, shape) in enumerate(zip(self.positions, shapes, strict=True)):
             try:
-                balls.append(_ball(place, shape, values[i]))
+                own = [values[i][key] for key in SHAPE_KEYS[shape]]
+                body = BODIES.get(shape)
+                balls.append(Ball(place, own[0], shape) if body is None else Ball(place, shape=body(*own)))
             except InvalidProblem as error:
                 texts += [text.replace(":", f"[{i}]:", 1) for text in error.faults]
         if texts:
@@ -106,12 +108,6 @@ class BallsTable(Table):
             f"balls.{key}: is not for shape = {_or(present)}, which takes {' and '.join(taken)}, got {value}; "
             f"leave it out, or take shape = {_or(taking)}"
         ]
-
-
-def _ball(place: tuple[float, float], shape: str, values: dict[str, Any]) -> Ball:
-    if shape in BODIES:
-        return Ball(place, shape=BODIES[shape](*(values[key] for key in SHAPE_KEYS[shape])))
-    return Ball(place, values["radius"], shape)
 
 
 def _or(names: Iterable[str]) -> str:

@@ -111,7 +111,9 @@ def quantity(value: object, unit: str) -> float:
         together = name.replace(" ", "")
         if together != name and together in COMMON and _units().is_compatible_with(together, unit):
             raise fault(f'must be {kind}, such as "{example}": "{name}" is not a unit (did you mean "{together}"?)')
-        raise fault(f'must be {kind}, such as "{example}": "{name}" is {_dimension(given)}')
+        others = (what for si, (what, _) in DIMENSIONS.items() if given.is_compatible_with(si))
+        is_what = next(others, f"of dimension {given.dimensionality}")
+        raise fault(f'must be {kind}, such as "{example}": "{name}" is {is_what}')
     return _finite(float((plain * given).to(unit).magnitude), match["number"], unit)
 
 
@@ -178,13 +180,6 @@ def items_of(value: Any) -> Iterator[Any]:
             yield from items_of(item)
     else:
         yield value
-
-
-def _dimension(unit: Any) -> str:
-    for si, (kind, _) in DIMENSIONS.items():
-        if unit.is_compatible_with(si):
-            return kind
-    return f"of dimension {unit.dimensionality}"
 
 
 def one_or_many(value: object, parse: Callable[[object], T]) -> T | tuple[T, ...]:
