@@ -37,7 +37,7 @@ def run_to_end(task: Callable[[], int | None]) -> NoReturn:
     if code:
         ranks.end_together(code, last_words=words, patience=1.0 if signals.received() else ranks.PATIENCE)
     if not ranks.joined() and not ranks.is_root():
-        # rank 0 may be failing, so the launcher ends this process: Open MPI reports it after 1 s, without it after 2 s
+        # rank 0 may be failing: Open MPI reports that after 1 s if another rank still runs, otherwise after 2 s
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         time.sleep(3.0 if code else 0.5)
         code = 0

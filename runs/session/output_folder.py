@@ -87,7 +87,9 @@ class OutputFolder:
             )
         if mark is not None:
             self.stopped = locked and mark.get("state") == RUNNING
-            self.complete = mark == {"identity": self.identity, "state": FINISHED}  # else more cycles may follow
+            # with another number of cycles, or a damaged result, it goes on
+            is_same = mark.get("identity") == self.identity
+            self.complete = is_same and mark.get("state") == FINISHED and self.saved() is not None
         if not self.complete:
             self._write_mark(RUNNING)
         write_text(self.path / "scene.toml", scene_text)
@@ -113,10 +115,6 @@ class OutputFolder:
     def saved(self) -> dict[str, Any] | None:
         """Return the document that an earlier run saved, complete or not."""
         return read_json(self.path / "result.json")
-
-    def finished(self) -> dict[str, Any] | None:
-        """Return the saved document of a complete run."""
-        return self.saved() if self.complete else None
 
     def save(self, document: Mapping[str, Any], rows: Iterable[Mapping[str, Any]]) -> None:
         """Write result.json and steps.csv; each file is replaced atomically."""

@@ -34,12 +34,21 @@ def test_a_damaged_mark_is_named_and_replaced_where_asked(tmp_path: Path) -> Non
 
 
 def test_a_damaged_result_is_computed_again(tmp_path: Path) -> None:
-    run = OutputFolder(tmp_path / "out", {"command": "solve"}, "")
+    out = tmp_path / "out"
+    run = OutputFolder(out, {"command": "solve"}, "")
     run.save({"answer": 1}, [])
     run.finish()
-    (tmp_path / "out" / "result.json").write_text('{"answer"', encoding="utf-8")
-    assert run.finished() is None
     run.close()
+    (out / "result.json").write_text('{"answer"', encoding="utf-8")
+    again = OutputFolder(out, {"command": "solve"}, "")
+    assert not again.complete
+    assert again.saved() is None
+    again.save({"unfinished": 1}, [])
+    again.stop(KeyboardInterrupt)
+    again.close()
+    once_more = OutputFolder(out, {"command": "solve"}, "")
+    assert not once_more.complete  # what an interrupted run left is no result
+    once_more.close()
 
 
 def test_a_damaged_surface_is_named_with_what_it_is_for(tmp_path: Path) -> None:

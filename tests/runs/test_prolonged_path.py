@@ -179,9 +179,9 @@ def test_a_finished_folder_whose_cycles_change_is_unfinished(tmp_path: Path) -> 
     first = OutputFolder(tmp_path, {"reciprocation": {"cycles": 3, "seed": 1}}, "")
     first.save({"answer": 1}, [])
     first.finish()
-    assert first.finished() is not None
+    assert first.complete
     first.close()
     again = OutputFolder(tmp_path, {"reciprocation": {"cycles": 4, "seed": 1}}, "")
-    assert again.finished() is None
+    assert not again.complete
     assert again.saved() == {"answer": 1}
     again.close()

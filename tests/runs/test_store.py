@@ -23,14 +23,14 @@ IDENTITY = {"command": "solve", "problem": {"layer": {"thickness": 1.0, "young":
 def test_the_same_run_opens_its_folder_again(tmp_path: Path) -> None:
     first = OutputFolder(tmp_path / "a" / "b", IDENTITY, "scene")
     assert first.saved() is None
-    assert first.finished() is None
+    assert not first.complete
     first.save({"value": 1.0}, [{"step": 0, "force": (1.0, 2.0)}])
     first.close()
     again = OutputFolder(tmp_path / "a" / "b", IDENTITY, "scene")
     assert again.saved() == {"value": 1.0}
-    assert again.finished() is None
+    assert not again.complete
     again.finish()
-    assert again.finished() == {"value": 1.0}
+    assert again.complete
     assert (again.path / "steps.csv").read_text(encoding="utf-8") == "step,force_x,force_y\n0,1.0,2.0\n"
     again.close()
 
