@@ -50,11 +50,9 @@ def page_of(folder: Folder) -> str:
     pictures = pictures_of(folder.path)
     study, run, shown = dict[str, Any](), dict[str, Any](), list[Path]()
     if is_study:
-        words = folder.words()
-        text = words.read_text(encoding="utf-8") if words is not None else ""
-        html, shown = study_page.answer(folder, text)
+        title, html, shown = study_page.answer(folder)
         pictures = [path for path in pictures if path not in shown and "cases" not in path.parts]
-        title = study_page.title(text) or str(folder.identity["study"])
+        title = title or str(folder.identity["study"])
         study = {"html": html, "cases": study_page.cases(folder)}
     else:
         title, run = _title(folder), run_page.content(folder)

@@ -30,10 +30,10 @@ class Folder:
         """The command that wrote the folder: solve, compare, evolve, study, ..."""
         return str(self.identity.get("command", "run"))
 
-    def words(self) -> Path | None:
+    def words(self) -> str:
         """Return the Markdown text of a study."""
         found = sorted(self.path.glob("*.md"))
-        return found[0] if found else None
+        return found[0].read_text(encoding="utf-8") if found else ""
 
     def cases(self) -> list[dict[str, Any]]:
         """Return the records of a study's cases, in the order of their names."""

@@ -14,11 +14,11 @@ TITLE = re.compile(r"^# [# ]*(.*)$", re.MULTILINE)
 """The first heading of a Markdown text."""
 
 
-def answer(folder: Folder, text: str) -> tuple[str, list[Path]]:
-    """Return the study's Markdown as HTML, without its first heading, and the pictures that it shows."""
+def answer(folder: Folder) -> tuple[str, str, list[Path]]:
+    """Return the first heading of the study's Markdown text, the rest as HTML, and the pictures that it shows."""
     from markdown_it import MarkdownIt  # noqa: PLC0415  (comes with rich; only a study's page needs it)
 
-    shown: list[Path] = []
+    text, shown = folder.words(), list[Path]()
 
     def image(self: Any, tokens: Any, index: int, options: Any, env: Any) -> str:
         token = tokens[index]
@@ -35,13 +35,9 @@ def answer(folder: Folder, text: str) -> tuple[str, list[Path]]:
     html = reader.render(TITLE.sub("", text, count=1))
     html = html.replace("<p><figure>", "<figure>").replace("</figure></p>", "</figure>")
     count = itertools.count(1)
-    return re.sub(r"<table>.*?</table>", lambda t: box(t[0], f"table {next(count)}"), html, flags=re.DOTALL), shown
-
-
-def title(text: str) -> str:
-    """Return the first heading of a Markdown text."""
-    found = TITLE.search(text)
-    return "" if found is None else found[1].strip()
+    html = re.sub(r"<table>.*?</table>", lambda t: box(t[0], f"table {next(count)}"), html, flags=re.DOTALL)
+    title = TITLE.search(text)
+    return title[1].strip() if title else "", html, shown
 
 
 def cases(folder: Folder) -> list[dict[str, Any]]:
