@@ -200,7 +200,7 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
 
     Without ``asked``, the first model that supports every effect of the scene. A model named by the user may ignore
     an effect that it replaces by a simpler law; a note says so. Raises `UnsupportedProblem` for an effect that this
-    model lacks. Models do not move the balls: ``evolve`` passes them the scene from `standing`.
+    model, or every model, lacks. Models do not move the balls: ``evolve`` passes them the scene from `standing`.
     """
     wanted = frozenset(scene.effects)
     moving = frozenset(name for name in wanted if EFFECTS[name].of_drift)
@@ -210,6 +210,8 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
             f"use `thirdbody evolve {scene.path}`, or remove the table{'s' if len(moving) > 1 else ''}"
         )
     having = [model for model in MODELS.values() if wanted <= model.effects]
+    if not having:
+        raise UnsupportedProblem(f"{scene.path}: {_names(wanted)}: no model supports these effects; remove a table")
     model = MODELS[asked] if asked else having[0]
     if lacking := wanted - model.effects - FINITE:
         raise UnsupportedProblem(

@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 
+from linear_bem.errors import UnsupportedProblem
 from linear_bem.result import Result
-from runs.models import Run, choose
+from runs.models import MODELS, Run, choose
 from runs.process import exit_codes, signals
 from runs.scene.scene_file import read_scene
 from runs.session.session import Options, Session
@@ -70,6 +71,12 @@ def test_a_model_asked_for_by_name_says_what_it_leaves_out(tmp_path: Path) -> No
     assert done.returncode == 0, done.stderr
     notes = strict(done.stdout)["solved"]["notes"]
     assert any("[finite_strain] left out" in note for note in notes)
+
+
+def test_an_effect_that_no_model_supports_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(MODELS, "finite_strain")
+    with pytest.raises(UnsupportedProblem, match=r"\[finite_strain\] .*no model supports these effects"):
+        choose(read_scene(SCENES / "paper_thin_pair.toml"))
 
 
 def test_accuracy_of_the_scene_reaches_the_model(tmp_path: Path) -> None:
