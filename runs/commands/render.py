@@ -15,7 +15,7 @@ from runs.commands.doctor import INSTALL_PICTURES
 from runs.display.numbers import number
 from runs.pictures import sheet
 from runs.pictures.coloring import COLORINGS, prefixed
-from runs.pictures.drawing import VIEWS, Camera, Window, draw
+from runs.pictures.drawing import VIEWS, Camera, Window, draw, in_line
 from runs.pictures.whole_model import FOLDER, write_whole
 from runs.pictures.written_step import WrittenStep, read_step, step_files
 from runs.process import ranks
@@ -52,7 +52,7 @@ def render_run(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputUnusable(f"{out}: cannot be made: {error.strerror or error}; name another --out") from None
-    shown = _Shown(read_step(files[last], last, field), field)
+    shown = _Shown(in_line(read_step(files[last], last, field)), field)
     made = list[Path]()
 
     def drawn(path: Path) -> None:
@@ -66,7 +66,7 @@ def render_run(
     path_so_far = [n for n in sorted(files) if n <= last]
     if animation and len(path_so_far) > 1:
         frame = (min(FRAME[0], size[0]), min(FRAME[1], size[1]))
-        sheets = [shown.sheet(read_step(files[n], n, field), views[0], frame) for n in path_so_far]
+        sheets = [shown.sheet(in_line(read_step(files[n], n, field)), views[0], frame) for n in path_so_far]
         path = out / f"{field}_{views[0]}.gif"
         sheet.save_gif(sheets, path)
         drawn(path)

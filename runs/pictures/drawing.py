@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -29,13 +30,27 @@ _DEEP = 1.15
 """Depth of the drawing, base included, in layer thicknesses."""
 
 
+def in_line(step: WrittenStep) -> WrittenStep:
+    """Return a step in the frame of its picture: x along the line of the balls from ball 0 on, z up."""
+    origin, along, across = section_line([ball.position for ball in step.balls])
+    turn = np.eye(3)
+    turn[:2, :2] = np.stack([along, across], axis=1)
+    balls = tuple(
+        replace(
+            ball,
+            position=tuple((ball.position - origin) @ turn[:2, :2]),
+            outline=None if ball.outline is None else ball.outline @ turn,
+        )
+        for ball in step.balls
+    )
+    points = (step.points - [*origin, 0.0]) @ turn
+    return replace(step, points=points, displacement=step.displacement @ turn, balls=balls)
+
+
 @dataclass(frozen=True)
 class Window:
-    """The part of a scene that is drawn, along the line of the balls (from ``origin``) and across it, in m."""
+    """The part of a step `in_line` that is drawn: ends along x, half width across, depth of the layer, in m."""
 
-    origin: Array
-    along: Array
-    across: Array
     length: tuple[float, float]
     width: float
     depth: float
@@ -43,35 +58,20 @@ class Window:
     @classmethod
     def around(cls, step: WrittenStep) -> Window:
         """Return the window around all balls of a step: it is the same for every step of a run."""
-        positions = np.array([ball.position for ball in step.balls])
-        radius = max(ball.extent for ball in step.balls)
-        origin, along, across = section_line(positions)
-        nodes = step.points[:, :2] - origin
-        reach = [nodes @ along, nodes @ across]
-        at = (positions - origin) @ along
-        margin = _BEYOND * radius
-        length = (max(at.min() - margin, reach[0].min()), min(at.max() + margin, reach[0].max()))
-        sideways = np.abs((positions - origin) @ across).max() + margin
-        return cls(
-            np.array([*origin, 0.0]), np.array([*along, 0.0]), np.array([*across, 0.0]), length,
-            min(sideways, float(np.abs(reach[1]).max())), step.thickness,
-        )  # fmt: skip
+        x, y = np.transpose([ball.position for ball in step.balls])
+        margin = _BEYOND * max(ball.extent for ball in step.balls)
+        low, high = step.points.min(axis=0), step.points.max(axis=0)
+        length = (max(x.min() - margin, low[0]), min(x.max() + margin, high[0]))
+        return cls(length, min(np.abs(y).max() + margin, max(-low[1], high[1])), step.thickness)
 
     def corners(self, cut: bool) -> Array:
         """Return the corners (8, 3) of the layer that is seen."""
-        return np.array(
-            [
-                self.origin + a * self.along + b * self.across + np.array([0.0, 0.0, z])
-                for a in self.length
-                for b in (0.0 if cut else -self.width, self.width)
-                for z in (-_DEEP * self.depth, 0.0)
-            ]
-        )
+        return np.array(list(product(self.length, (0.0 if cut else -self.width, self.width), (-_DEEP * self.depth, 0))))
 
     def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which points (n, 3) lie in the drawn part of the layer."""
-        a, b = (points - self.origin) @ self.along, (points - self.origin) @ self.across
-        return (a >= self.length[0]) & (a <= self.length[1]) & (np.abs(b) <= self.width)
+        x, y, _ = points.T
+        return (x >= self.length[0]) & (x <= self.length[1]) & (np.abs(y) <= self.width)
 
 
 @dataclass(frozen=True)
@@ -90,10 +90,8 @@ class Camera:
         window = Window.around(step)
         azimuth, elevation = {"cut": (-14.0, 20.0), "surface": (-28.0, 34.0)}[view]
         a, e = math.radians(azimuth), math.radians(elevation)
-        flat = math.sin(a) * window.along - math.cos(a) * window.across
-        towards = math.cos(e) * flat + math.sin(e) * np.array([0.0, 0.0, 1.0])
-        right = np.cross([0.0, 0.0, 1.0], towards)
-        right /= np.linalg.norm(right)
+        towards = np.array([math.cos(e) * math.sin(a), -math.cos(e) * math.cos(a), math.sin(e)])
+        right = np.array([math.cos(a), math.sin(a), 0.0])
         up = np.cross(towards, right)
         tops = [  # of the balls before they are pressed in: the same for every step of a run
             np.array([*ball.position, ball.extent]) + ball.extent * side
@@ -110,8 +108,9 @@ class Camera:
 def draw(
     step: WrittenStep, values: Array, coloring: Coloring, limits: tuple[float, float], view: str, size: tuple[int, int]
 ) -> NDArray[np.uint8]:
-    """Return the picture (height, width, 3) of a step coloured by ``values`` at its nodes."""
+    """Return the picture (height, width, 3) of a step `in_line`, coloured by ``values`` at its nodes."""
     import pyvista  # noqa: PLC0415
+    from PIL import Image  # noqa: PLC0415  (comes with matplotlib)
 
     window = Window.around(step)
     camera = Camera.on(step, view, size[0] / size[1])
@@ -129,7 +128,7 @@ def draw(
         base = _base(step, window, cut=view == "cut")
         plotter.add_mesh(base, color=_BASE, ambient=0.45, diffuse=0.6)
         for ball in step.balls:
-            _add_ball(plotter, ball, window, view)
+            _add_ball(plotter, ball, view)
         plotter.camera.parallel_projection = True
         plotter.camera.focal_point = camera.centre
         plotter.camera.position = camera.centre + 10.0 * camera.half_height * camera.towards
@@ -139,7 +138,7 @@ def draw(
         image = plotter.screenshot(return_img=True)
     finally:
         plotter.close()
-    return _averaged(np.asarray(image)[..., :3])
+    return np.asarray(Image.fromarray(np.asarray(image)[..., :3]).reduce(_SUPERSAMPLING))
 
 
 def _grid(step: WrittenStep, values: Array, part: NDArray[np.bool_]) -> Any:
@@ -153,23 +152,18 @@ def _grid(step: WrittenStep, values: Array, part: NDArray[np.bool_]) -> Any:
 
 def _clipped(grid: Any, window: Window, cut: bool) -> Any:
     """Return the visible part of the layer: within the window, and beyond the cut."""
-    sides = [
-        (window.along, window.origin + window.length[1] * window.along, True),
-        (window.along, window.origin + window.length[0] * window.along, False),
-        (window.across, window.origin + window.width * window.across, True),
-        (window.across, window.origin + (_INSIDE * window.depth if cut else -window.width) * window.across, False),
-        (np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -_DEEP * window.depth]), False),
-    ]
-    for normal, origin, below in sides:
-        grid = grid.clip(normal=normal, origin=origin, invert=below)
+    near = _INSIDE * window.depth if cut else -window.width
+    ends = (0, window.length[0]), (0, window.length[1]), (1, near), (1, window.width), (2, -_DEEP * window.depth)
+    for (axis, end), below in zip(ends, (False, True, False, True, False), strict=True):
+        normal = np.eye(3)[axis]
+        grid = grid.clip(normal=normal, origin=end * normal, invert=below)
     return grid
 
 
 def _faces(grid: Any, window: Window) -> tuple[Any, Any, Any]:
     """Return the surface of the layer, the cut plane that faces the camera, and the other planes."""
     surface = grid.extract_surface(algorithm="dataset_surface").triangulate()
-    centres = np.asarray(surface.cell_centers().points) - window.origin
-    a, b = centres @ window.along, centres @ window.across
+    a, b, _ = np.asarray(surface.cell_centers().points).T
     near = 1e-6 * window.depth
     front = b < max(float(b.min()) + near, near - window.width)
     sides = (a < window.length[0] + near) | (a > window.length[1] - near) | (b > window.width - near)
@@ -190,13 +184,10 @@ def _base(step: WrittenStep, window: Window, cut: bool) -> Any:
         return grid.extract_surface(algorithm="dataset_surface").compute_normals(split_vertices=True)
     low, high = window.length
     near = 0.0 if cut else -window.width
-    slab = pyvista.Box((low, high, near, window.width, -_DEEP * window.depth, -1.0001 * window.depth))
-    turn = np.eye(4)
-    turn[:3, 0], turn[:3, 1], turn[:3, 3] = window.along, window.across, window.origin
-    return slab.transform(turn, inplace=False)
+    return pyvista.Box((low, high, near, window.width, -_DEEP * window.depth, -1.0001 * window.depth))
 
 
-def _add_ball(plotter: Any, ball: DrawnBall, window: Window, view: str) -> None:
+def _add_ball(plotter: Any, ball: DrawnBall, view: str) -> None:
     whole = _ball(ball)
     smooth = ball.shape == "sphere" and ball.outline is None  # others have edges, and their facets are small enough
     if view == "surface":
@@ -205,28 +196,14 @@ def _add_ball(plotter: Any, ball: DrawnBall, window: Window, view: str) -> None:
             specular_power=50, ambient=0.2,
         )  # fmt: skip
         return
-    half = whole.clip(normal=window.across, origin=window.origin, invert=False)
+    half = whole.clip(normal="y", origin=(0.0, 0.0, 0.0), invert=False)
     plotter.add_mesh(
         half, color=_BALL, smooth_shading=smooth, specular=0.35, specular_power=30, ambient=0.25,
     )  # fmt: skip
-    section = whole.slice(normal=window.across, origin=window.origin)
+    section = whole.slice(normal="y", origin=(0.0, 0.0, 0.0))
     if section.n_points:
-        plotter.add_mesh(_filled(section), color=_SECTION, lighting=False)
+        plotter.add_mesh(section.triangulate_contours(), color=_SECTION, lighting=False)
         plotter.add_mesh(section, color="#5c626b", line_width=1.5 * _SUPERSAMPLING)
-
-
-def _filled(outline: Any) -> Any:
-    """Return the convex polygon inside an outline."""
-    import pyvista  # noqa: PLC0415
-
-    points = np.asarray(outline.points)
-    centre = points.mean(axis=0)
-    offsets = points - centre
-    first = offsets[0] / np.linalg.norm(offsets[0])
-    normal = np.linalg.svd(offsets)[2][2]
-    angle = np.arctan2(offsets @ np.cross(normal, first), offsets @ first)
-    order = np.argsort(angle)
-    return pyvista.PolyData(points[order], faces=[len(order), *range(len(order))]).triangulate()
 
 
 def _ball(ball: DrawnBall) -> Any:
@@ -267,11 +244,3 @@ def _set_lights(plotter: Any, camera: Camera) -> None:
         if number > 0:
             light.specular_color = "black"  # one highlight on a ball is enough
         plotter.add_light(light)
-
-
-def _averaged(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the picture with each block of rendered pixels averaged to one pixel."""
-    n = _SUPERSAMPLING
-    height, width = image.shape[0] // n, image.shape[1] // n
-    blocks = image[: height * n, : width * n].reshape(height, n, width, n, 3)
-    return blocks.mean(axis=(1, 3)).round().astype(np.uint8)
