@@ -13,14 +13,14 @@ from runs.display.style import BLUE, GREY, ORANGE, blank, dot_lines, grid, look,
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.record import positions_at, starting_neighbours
 from runs.evolution.structure import nearest_distances
-from runs.process.files import replacing
+from runs.pictures.sheet import save_gif
 from runs.scene.units import Unit
 
 Document = Mapping[str, Any]
 
 STEEL, EDGE = "#c9d3dc", "#3a4650"
-FRAMES, SECONDS = 60, 6.0
-"""Frames of an animation, and how long it takes."""
+FRAMES, SECONDS, LAST_SECONDS = 60, 6.0, 0.9
+"""Frames of an animation, how long it takes, and how long its last frame stays."""
 ALIKE = 0.03
 """Displacement over that of the whole path below which two configurations look the same."""
 NAMED = 8
@@ -151,7 +151,6 @@ def draw_animation(
 ) -> None:
     """Write evolution.gif: the path in equal steps of cycles."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
-    from PIL import Image  # noqa: PLC0415
 
     path = document["path"]
     last = path[-1]["cycle"]
@@ -171,7 +170,7 @@ def draw_animation(
     for artist in moving:
         artist.set_animated(True)
     canvas.draw()  # what does not move, once
-    still, frames = canvas.copy_from_bbox(figure.bbox), list[Any]()
+    still, frames = canvas.copy_from_bbox(figure.bbox), []
     for places, cycle in zip(x / length.size, cycles, strict=True):
         title.set_text(f"{cycle:.{digits}f} cycles")
         for place, circle, number in zip(places, circles, numbers, strict=True):
@@ -180,14 +179,8 @@ def draw_animation(
         canvas.restore_region(still)
         for artist in moving:
             axis.draw_artist(artist)
-        frame = Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB")
-        frames.append(frame.quantize(palette=frames[0], dither=Image.Dither.NONE) if frames else frame.quantize(64))
-    each = 1e3 * SECONDS / FRAMES
-    with replacing(folder / "evolution.gif") as draft:
-        frames[0].save(
-            draft, format="gif", save_all=True, append_images=frames[1:], loop=0,
-            duration=[each] * (FRAMES - 1) + [9.0 * each],
-        )  # fmt: skip
+        frames.append(np.array(canvas.buffer_rgba())[..., :3])
+    save_gif(frames, folder / "evolution.gif", SECONDS / FRAMES, LAST_SECONDS)
 
 
 @look()
