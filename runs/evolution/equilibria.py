@@ -220,13 +220,10 @@ def _curvature(balls: HardBalls, x: Array, held: Pairs, pushes: Array) -> Array:
     for push, (i, j) in zip(pushes, balls.pairs(held), strict=True):
         between = x[j] - x[i]
         distance = float(np.hypot(*between))
+        ends = np.zeros(len(x))
+        ends[[i, j]] = -1.0, 1.0
         across = np.eye(2) - np.outer(between, between) / distance**2
-        block = push / distance * across
-        a, b = slice(2 * i, 2 * i + 2), slice(2 * j, 2 * j + 2)
-        out[a, a] += block
-        out[b, b] += block
-        out[a, b] -= block
-        out[b, a] -= block
+        out += push / distance * np.kron(np.outer(ends, ends), across)
     return out
 
 
