@@ -19,9 +19,11 @@ ratios are constant: T follows the linear decay.
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator, CubicSpline, make_interp_spline
+from scipy.sparse.linalg import LinearOperator
 
 from linear_bem.arrays import Array
 from linear_bem.coupled_point_loads import effective_approaches
@@ -32,7 +34,7 @@ from linear_bem.point_load import neglected, next_terms, on_slopes, unsure
 from linear_bem.problem import Problem
 from linear_bem.touching import wrapped
 from runs.evolution.forces import State
-from runs.evolution.pair_list import CUT, DENSE, CutLaw, PairList, SparseAndMesh
+from runs.evolution.pair_list import CUT, DENSE, CutLaw, PairList
 
 FAR = np.geomspace(1.0, 1e3, 288)
 """Distances over the smallest diameter at which the terms that point loads neglect are known."""
@@ -188,7 +190,8 @@ class PairForces:
         if self._waves is not None:
             x, y = wrapped(positions, self._waves.lengths).T
             points = self._waves.at(x, y, slopes=True)
-            mutual = SparseAndMesh(matrix, self._waves, points)
+            far = partial(self._waves.potential, points)
+            mutual = LinearOperator(matrix.shape, lambda load: matrix @ load + far(load), dtype=float)
             if len(positions) <= FEW:
                 mutual = np.stack([mutual @ load for load in np.eye(len(positions))], axis=1)
         else:

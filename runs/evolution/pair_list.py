@@ -16,7 +16,6 @@ beyond the reach add exact zeros, in a fixed order: the sums do not depend on wh
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,7 +26,7 @@ from scipy.spatial import cKDTree
 from linear_bem.arrays import Array, Indices
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.far_field.kernel_split import RULES, Split
-from linear_bem.far_field.particle_mesh import ORDER, PeriodicMesh, Points
+from linear_bem.far_field.particle_mesh import ORDER, PeriodicMesh
 from linear_bem.touching import wrapped
 
 if TYPE_CHECKING:
@@ -113,18 +112,6 @@ class CutLaw:
         return values[0], values[1]
 
 
-@dataclass(frozen=True)
-class SparseAndMesh:
-    """The sum of a sparse matrix and the contribution of a mesh at points, as an operator."""
-
-    sparse: csr_matrix
-    mesh: PeriodicMesh
-    points: Points
-
-    def __matmul__(self, values: Array) -> Array:
-        return np.asarray(self.sparse @ values + self.mesh.potential(self.points, values))
-
-
 class Listed:
     """Pairs of ``count`` balls, each once: first and second ball, and the shift [m] of the second to its image.
 
@@ -188,16 +175,10 @@ class PairList:
         return first[order], second[order], shift[order]
 
     def _open(self, x: Array, radius: float) -> tuple[Indices, Indices, Array]:
-        count = len(x)
-        extent = float(np.hypot(*np.ptp(x, axis=0)))
-        if extent <= radius:
-            _refuse_more_than(0.5 * count**2)
-            first, second = np.triu_indices(count, 1)
-        else:
-            tree = cKDTree(x)
-            _refuse_more_than(0.5 * float(tree.count_neighbors(tree, radius)))
-            pairs = tree.query_pairs(radius, output_type="ndarray")
-            first, second = np.divmod(np.sort(pairs.min(axis=1) * count + pairs.max(axis=1)), count)
+        tree, count = cKDTree(x), len(x)
+        _refuse_more_than(0.5 * float(tree.count_neighbors(tree, radius)))
+        pairs = tree.query_pairs(radius, output_type="ndarray")
+        first, second = np.divmod(np.sort(pairs.min(axis=1) * count + pairs.max(axis=1)), count)
         return first, second, np.zeros((len(first), 2))
 
 
