@@ -81,9 +81,7 @@ class CutLaw:
         near = self._split.fall(at)
         # the mesh's pull is the slope of its influence
         kept = np.stack([linear[:, 0] * near, linear[:, 1] * near + linear[:, 0] * self._split.rise_slope(at)], axis=1)
-        spline = CubicSpline(nodes[: last + 1], ((values - linear) * fall[:, None] + kept)[: last + 1])
-        self._start, self._last = float(nodes[0]), last - 1
-        self._influence, self._pull = (np.ascontiguousarray(spline.c[:, :, k]) for k in range(2))
+        self._values = CubicSpline(nodes[: last + 1], ((values - linear) * fall[:, None] + kept)[: last + 1])
 
     def waves(self, cell: Array) -> PeriodicMesh:
         """Return the influence that the table lacks [m/N], on a mesh over a cell of lengths [m]."""
@@ -97,19 +95,8 @@ class CutLaw:
 
     def __call__(self, distance: Array) -> tuple[Array, Array]:
         """Return influence and pull at distances [m]."""
-        place = (np.log(distance) - self._start) / STEP
-        cell = np.clip(place.astype(np.intp), 0, self._last)
-        rest = (place - cell) * STEP
-        outside = distance >= self.reach
-        values = []
-        for table in (self._influence, self._pull):
-            out = table[0][cell]
-            for row in table[1:]:
-                out *= rest
-                out += row[cell]
-            out[outside] = 0.0
-            values.append(out)
-        return values[0], values[1]
+        values = np.where((distance < self.reach)[:, None], self._values(np.log(distance)), 0.0)
+        return values[:, 0], values[:, 1]
 
 
 class Listed:
