@@ -43,8 +43,10 @@ def in_line(step: WrittenStep) -> WrittenStep:
         )
         for ball in step.balls
     )
-    points = (step.points - [*origin, 0.0]) @ turn
-    return replace(step, points=points, displacement=step.displacement @ turn, balls=balls)
+    points, displacement = (step.points - [*origin, 0.0]) @ turn, step.displacement @ turn
+    if not step.deformed:  # small strain: contact is at the undeformed place, moved straight down
+        displacement[:, :2] = 0.0
+    return replace(step, points=points, displacement=displacement, balls=balls)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from linear_bem.errors import OutputUnusable
-from runs.pictures.written_step import read_whole
+from runs.pictures.written_step import read_step
 from runs.process.files import replacing
 
 FOLDER = "whole"
@@ -26,7 +26,7 @@ def write_whole(files: Mapping[int, Path], folder: Path) -> Path:
     except OSError as error:
         raise OutputUnusable(f"{folder}: cannot be written: {error.strerror or error}; name another --out") from None
     for number, path in sorted(files.items()):
-        step = read_whole(path, number)
+        step = read_step(path, number)
         arrays = {"points": step.points, "cells": step.cells, "cell_fields/region": step.region}
         arrays |= {f"node_fields/{name}": values for name, values in step.fields.items()}
         arrays["node_fields/displacement"] = step.displacement

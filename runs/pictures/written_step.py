@@ -35,7 +35,10 @@ class DrawnBall:
 
 @dataclass(frozen=True)
 class WrittenStep:
-    """Points (n, 3) and displacement (n, 3) [m], cells (m, 8 or 4), regions of the cells (m,), node fields, balls."""
+    """Points (n, 3) and displacement (n, 3) [m], cells (m, 8 or 4), regions of the cells (m,), node fields, balls.
+
+    ``deformed``: whether contact was in the deformed configuration.
+    """
 
     number: int
     points: Array
@@ -46,6 +49,7 @@ class WrittenStep:
     units: dict[str, str]
     balls: tuple[DrawnBall, ...]
     young: float
+    deformed: bool
 
     @property
     def dimensionless(self) -> bool:
@@ -77,21 +81,8 @@ def step_files(run: Path) -> dict[int, Path]:
     )
 
 
-def read_step(path: Path, number: int, field: str) -> WrittenStep:
-    """Return a written step with its displacement and one node field, for drawing; raises `OutputUnusable`."""
-    step, deformed = _read(path, number, field)
-    if not deformed:  # small strain: contact is at the undeformed place, moved straight down
-        step.displacement[:, :2] = 0.0
-    return step
-
-
-def read_whole(path: Path, number: int) -> WrittenStep:
-    """Return a written step of the whole scene with all its node fields; raises `OutputUnusable`."""
-    return _read(path, number, None)[0]
-
-
-def _read(path: Path, number: int, field: str | None) -> tuple[WrittenStep, bool]:
-    """Return a step with one field or with all, and whether contact was in the deformed configuration."""
+def read_step(path: Path, number: int, field: str | None = None) -> WrittenStep:
+    """Return a written step of the whole scene with one node field, or with all; raises `OutputUnusable`."""
     try:
         import h5py  # noqa: PLC0415  (not needed where nothing is drawn)
     except ImportError as error:
@@ -119,9 +110,9 @@ def _read(path: Path, number: int, field: str | None) -> tuple[WrittenStep, bool
                 {name: str(there[name].attrs["unit"]) for name in ("displacement", *names)},
                 tuple(DrawnBall((float(p[0]), float(p[1])), float(r), float(d), str(s), o) for p, r, d, s, o in balls),
                 float(file.attrs["layer_young"]),
+                bool(file.attrs["deformed"]),
             )
-            whole = _completed(part, file.attrs["frame_origin"], file.attrs["mirror_planes"])
-            return whole, bool(file.attrs["deformed"])
+            return _completed(part, file.attrs["frame_origin"], file.attrs["mirror_planes"])
     except (OSError, KeyError, ValueError) as error:
         if isinstance(error, OutputUnusable):
             raise
