@@ -10,10 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial.polynomial import polyval2d
+from numpy.polynomial.polynomial import polyval2d, polyvander2d
 from scipy.interpolate import griddata
 
-from linear_bem.arrays import Array
+from linear_bem.arrays import Array, Mask
 
 DEGREES = (2, 4, 6)
 """Degrees of polynomials that are tried; higher ones would follow the oscillations of nodal values outside."""
@@ -57,24 +57,27 @@ def contact_patch(points: Array, pressure: Array, pointed: bool = False) -> Patc
     peak = float(pressure.max(initial=0.0))
     low, high = AROUND_TIP if pointed else (WELL_INSIDE, 1.0)
     inside = (pressure > low * peak) & (pressure <= high * peak)
-    if peak <= 0.0 or np.count_nonzero(inside) < 2 * len(_terms(DEGREES[-1])):
+    if peak <= 0.0 or np.count_nonzero(inside) < 2 * np.count_nonzero(_terms(DEGREES[-1])):
         return None
     middle = np.average(points[inside], axis=0, weights=pressure[inside])
     offset = points[inside] - middle
     size = float(np.hypot(*offset.T).max())
+    x, y = (offset / size).T
     known = pressure[inside] / peak
-    degree, factors, deviation = 0, np.zeros(0), np.inf
-    for tried in DEGREES[: 1 if pointed else None]:
-        matrix = _powers(offset[:, 0] / size, offset[:, 1] / size, tried)
+    factors, deviation = np.zeros((1, 1)), np.inf
+    for degree in DEGREES[: 1 if pointed else None]:
+        terms = _terms(degree)
+        matrix = polyvander2d(x, y, (degree, degree))[:, terms.ravel()]
         found = np.linalg.lstsq(matrix, known**2, rcond=None)[0]
         error = float(np.sqrt(np.mean((np.sqrt(np.maximum(matrix @ found, 0.0)) - known) ** 2)))
         if error < BETTER * deviation:
-            degree, factors, deviation = tried, found, error
+            factors, deviation = np.zeros(terms.shape), error
+            factors[terms] = found
     if deviation > GOOD:
         return None
     angle = np.linspace(0.0, 2.0 * np.pi, RAYS)
     along = np.linspace(0.0, BEYOND, 400)[:, None]
-    squared = polyval2d(along * np.cos(angle), along * np.sin(angle), _table(factors, degree))
+    squared = polyval2d(along * np.cos(angle), along * np.sin(angle), factors)
     first = np.argmax(squared <= 0.0, axis=0)
     if np.any(first == 0):
         return None
@@ -82,7 +85,7 @@ def contact_patch(points: Array, pressure: Array, pointed: bool = False) -> Patc
     edge = (first - 1 + before / (before - after)) * (along[1, 0] - along[0, 0])
     ring = np.sin(np.linspace(0.0, 0.5 * np.pi, RINGS))[:, None] * edge  # close rings where the pressure falls steeply
     x, y = ring * np.cos(angle), ring * np.sin(angle)
-    values = peak * np.sqrt(np.maximum(polyval2d(x, y, _table(factors, degree)), 0.0))
+    values = peak * np.sqrt(np.maximum(polyval2d(x, y, factors), 0.0))
     if pointed:
         ring_means = griddata(points - middle, pressure, (size * x, size * y), fill_value=0.0).mean(axis=1)[:, None]
         near = ring_means > WELL_INSIDE * peak
@@ -99,16 +102,6 @@ def patch_within(x: Array, y: Array, pressure: Callable[[Array, Array], Array]) 
     return Patch(rings[0], rings[1], pressure(rings[0], rings[1]))
 
 
-def _terms(degree: int) -> list[tuple[int, int]]:
-    return [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
-
-
-def _powers(x: Array, y: Array, degree: int) -> Array:
-    return np.stack([x**i * y**j for i, j in _terms(degree)], axis=-1)
-
-
-def _table(factors: Array, degree: int) -> Array:
-    """Return the factors of x^i y^j at [i, j]."""
-    table = np.zeros((degree + 1, degree + 1))
-    table[tuple(np.transpose(_terms(degree)))] = factors
-    return table
+def _terms(degree: int) -> Mask:
+    """Return where x^i y^j, at [i, j], is a term of a polynomial of a degree."""
+    return np.asarray(np.add.outer(np.arange(degree + 1), np.arange(degree + 1)) <= degree)

@@ -240,20 +240,14 @@ def _section_words(balls: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _span(balls: Sequence[Mapping[str, Any]], along: Array) -> tuple[float, float]:
-    """Return the ends [m] of the part of the section that is drawn."""
+    """Return the ends [m] of what is drawn along a line."""
     centers = [float(along @ ball["position"]) for ball in balls]
     margin = 1.3 * max(ball["radius"] for ball in balls)
     return min(centers) - margin, max(centers) + margin
 
 
-def _window(balls: Sequence[Mapping[str, Any]], scale: Scale) -> tuple[tuple[float, float], tuple[float, float]]:
-    margin = 1.3 * max(ball["radius"] for ball in balls)
-    sides = []
-    for axis in (0, 1):
-        values = [ball["position"][axis] for ball in balls]
-        size = scale.units.length.size
-        sides.append(((min(values) - margin) / size, (max(values) + margin) / size))
-    return sides[0], sides[1]
+def _window(balls: Sequence[Mapping[str, Any]], scale: Scale) -> Array:
+    return np.array([_span(balls, axis) for axis in np.eye(2)]) / scale.units.length.size
 
 
 def _label_forces(axes: Any, scale: Scale, legend: str) -> None:
