@@ -39,8 +39,6 @@ the interior-point method: removing it, and computing the forces again, would ta
 below the overlap that a `Problem` may have (`linear_bem.touching.ROUNDOFF`)."""
 PASSES = 50
 """Largest number of times that overlapping balls are moved apart; 36 that overlap by up to 0.7 R take one or two."""
-FEW = 40
-"""Number of balls up to which checking all pairs is quicker than building a tree."""
 IN_ONE_FILE = 100
 """Balls up to which a whole path is in one JSON object, and equilibria are sought by dense matrices."""
 WITHOUT_LOAD = 1e-6
@@ -123,7 +121,7 @@ class HardBalls:
         """Return the numbers of the pairs with a gap of at most ``gap`` [m]."""
         count = len(self.radii)
         reach = 2.0 * float(np.max(self.radii)) + gap
-        if count <= FEW or (self.cell is not None and reach >= 0.5 * float(np.min(self.cell))):
+        if self.cell is not None and reach >= 0.5 * float(np.min(self.cell)):
             which = self.all
         else:
             found = cKDTree(wrapped(x, self.cell), boxsize=self.cell).query_pairs(reach, output_type="ndarray")
