@@ -74,14 +74,14 @@ def draw_top_views(
 ) -> None:
     """Write STEM.png and .svg: six configurations from above, balls in touch joined, T as arrows."""
     path = document["path"]
-    cycles = chosen_cycles(path, 6, balls)
-    figure, axes = grid(len(cycles), *_size(_frame(path, radii), 2.0))
+    cycles, seen = chosen_cycles(path, 6, balls), window(np.array([m["positions"] for m in path]), radii)
+    figure, axes = grid(len(cycles), *_size(seen, 2.0))
     largest = max(float(np.max(np.hypot(*np.array(m["tangential_force"]).T))) for m in path)
     force = 1.6 * min(radii) / largest if largest > 0.0 else 0.0  # metres of arrow per newton
     for axis, cycle in zip(axes, cycles, strict=True):
         nearest = min(path, key=lambda m: abs(m["cycle"] - cycle))
         _draw_balls(axis, np.array(nearest["positions"]), radii, length, nearest, force)
-        _set_frame(axis, path, radii, length)
+        set_window(axis, seen, length)
         axis.set_title(f"{nearest['cycle']:.3g} cycles")
     _draw_direction(axes[0], direction)
     words = "From above: balls in contact are joined, arrows are T, the grey arrow is the main motion"
@@ -156,12 +156,12 @@ def draw_animation(
     last = path[-1]["cycle"]
     digits = max(0, 1 - math.floor(math.log10(max(last, 1e-9))))
     cycles = np.linspace(0.0, last, FRAMES)
-    sigma = np.interp(cycles, [m["cycle"] for m in path], [m["sigma"] for m in path])
-    x = positions_at(sigma, np.array([m["sigma"] for m in path]), np.array([m["positions"] for m in path]))
-    figure = blank(*_size(_frame(path, radii), 3.6))
+    known = np.array([m["positions"] for m in path])
+    x, seen = positions_at(cycles, np.array([m["cycle"] for m in path]), known), window(known, radii)
+    figure = blank(*_size(seen, 3.6))
     figure.set_dpi(80)
     canvas, axis = FigureCanvasAgg(figure), figure.subplots()
-    _set_frame(axis, path, radii, length)
+    set_window(axis, seen, length)
     _draw_direction(axis, direction)
     _draw_balls(axis, x[0], radii, length)
     title = axis.set_title(" ", fontsize=9)
@@ -189,11 +189,12 @@ def draw_ensemble(folder: Path, document: Document, radii: Sequence[float], leng
     members = document["ensemble"][:9]
     if len(members) < 2:
         return
-    ends = [{"positions": m["positions"]} for m in members]
-    figure, axes = grid(len(members), *_size(_frame(ends, radii), 2.3))
-    for axis, member in zip(axes, members, strict=True):
-        _draw_balls(axis, np.array(member["positions"]), radii, length)
-        _set_frame(axis, ends, radii, length)
+    ends = np.array([member["positions"] for member in members])
+    seen = window(ends, radii)
+    figure, axes = grid(len(members), *_size(seen, 2.3))
+    for axis, member, end in zip(axes, members, ends, strict=True):
+        _draw_balls(axis, end, radii, length)
+        set_window(axis, seen, length)
         axis.set_title(f"seed {member['seed']}: {member['contacts']} contacts", fontsize=8.5)
     save_figure(figure, folder, "ensemble")
 
@@ -237,21 +238,21 @@ def _draw_direction(axis: Any, direction: Sequence[float]) -> None:
     )  # fmt: skip
 
 
-def _frame(path: Sequence[Mapping[str, Any]], radii: Sequence[float]) -> tuple[Array, Array]:
-    x = np.array([m["positions"] for m in path])
+def window(x: Array, radii: Sequence[float] | Array) -> Array:
+    """Return the lowest and highest x, y of a picture of balls (..., 2) [m], at least a third as high as wide."""
     margin = 1.35 * max(radii)
-    low, high = x.min(axis=(0, 1)) - margin, x.max(axis=(0, 1)) + margin
-    # a line of balls still gets a window of some height
+    low, high = x.reshape(-1, 2).min(axis=0) - margin, x.reshape(-1, 2).max(axis=0) + margin
     spare = np.maximum(0.34 * float(np.max(high - low)) - (high - low), 0.0) / 2.0
-    return low - spare, high + spare
+    return np.array([low - spare, high + spare])
 
 
-def _set_frame(axis: Any, path: Sequence[Mapping[str, Any]], radii: Sequence[float], length: Unit) -> None:
-    xlim, ylim = np.transpose(_frame(path, radii)) / length.size
+def set_window(axis: Any, seen: Array, length: Unit) -> None:
+    """Set the limits and headings of an axis that shows a `window`."""
+    xlim, ylim = seen.T / length.size
     axis.set(xlim=xlim, ylim=ylim, aspect="equal", xlabel=length.heading("x"), ylabel=length.heading("y"))
 
 
-def _size(frame: tuple[Array, Array], width: float) -> tuple[float, float]:
-    extent = frame[1] - frame[0]
-    scale = math.sqrt(width * width / (extent[0] * extent[1]))
-    return float(scale * extent[0]) + 0.6, float(scale * extent[1]) + 0.7
+def _size(seen: Array, width: float) -> tuple[float, float]:
+    extent = seen[1] - seen[0]
+    wide, tall = width * extent / math.sqrt(np.prod(extent))
+    return float(wide) + 0.6, float(tall) + 0.7

@@ -8,6 +8,7 @@ import numpy as np
 
 from linear_bem.arrays import Array
 from runs.display.style import BLUE, GREEN, ORANGE, PURPLE, dot_lines, grid, look, panels, save_figure
+from runs.evolution.drawing import set_window, window
 from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.pair_list import images
@@ -54,11 +55,11 @@ def draw_layer(axis: Any, x: Array, balls: HardBalls, length: Unit) -> None:
     shade = np.log(size) / np.log(max(len(x), 2))
     colors = np.where((size > 1)[:, None], colormaps["viridis_r"](0.1 + 0.9 * shade), (0.82, 0.85, 0.88, 1.0))
     radii = balls.radii
-    window, own = _window(x, balls), np.arange(len(x))
+    seen, own = _window(x, balls), np.arange(len(x))
     if balls.cell is not None:
         own, x = np.tile(own, 9), images(x, balls.cell)
-        seen = np.all((x > -radii[own][:, None]) & (x < window[1] + radii[own][:, None]), axis=1)
-        own, x = own[seen], x[seen]
+        inside = np.all((x > -radii[own][:, None]) & (x < balls.cell + radii[own][:, None]), axis=1)
+        own, x = own[inside], x[inside]
     colors, radii = colors[own], radii[own]
     width = 2.0 * radii / length.size
     axis.add_collection(
@@ -67,20 +68,14 @@ def draw_layer(axis: Any, x: Array, balls: HardBalls, length: Unit) -> None:
             facecolors=colors, edgecolors="white", linewidths=0.2,
         )
     )  # fmt: skip
-    for k in np.flatnonzero(radii >= NUMBERED * np.ptp(window, axis=0).max()):
+    for k in np.flatnonzero(radii >= NUMBERED * np.ptp(seen, axis=0).max()):
         ink = "white" if colors[k, :3].mean() < 0.5 else "black"
         axis.text(*(x[k] / length.size), str(own[k]), ha="center", va="center", fontsize=7, color=ink, clip_on=True)
-    xlim, ylim = window.T / length.size
-    axis.set(xlim=xlim, ylim=ylim, aspect="equal", xlabel=length.heading("x"), ylabel=length.heading("y"))
+    set_window(axis, seen, length)
 
 
 def _window(x: Array, balls: HardBalls) -> Array:
-    """Return the lowest and highest x, y of a picture [m]: the cell, or a box around all balls (at least 1 : 4)."""
-    if balls.cell is not None:
-        return np.array([np.zeros(2), balls.cell])
-    window = np.array([x.min(axis=0), x.max(axis=0)]) + 1.3 * balls.radii.max() * np.array([[-1.0], [1.0]])
-    extent = np.diff(window, axis=0)
-    return window + np.maximum(0.25 * extent.max() - extent, 0.0) / 2.0 * np.array([[-1.0], [1.0]])
+    return window(x, balls.radii) if balls.cell is None else np.array([np.zeros(2), balls.cell])
 
 
 @look()
