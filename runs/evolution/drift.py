@@ -195,12 +195,9 @@ class Drift:
         smooth = max(float(np.max(np.abs(error))), float(np.max(-gaps, initial=0.0)))
         landing = 0.0
         if np.any(pushed):
-            change = np.hypot(*(self._free(state) - self._free(now.state)).T)
+            before, then = (s.tangential / resistances(s.normal)[:, None] for s in (now.state, state))
+            change = np.hypot(*(then - before).T)
             balls = self.balls.pairs(near.which[pushed])
             late = 0.5 * max(step - near.first, 0.0) * float(np.max(change[balls]))
             landing = max(late, float(np.max(gaps[pushed])))
         return _Trial(after, state, smooth / self.tolerance, landing / self.tolerance, bool(np.any(pushed)))
-
-    @staticmethod
-    def _free(state: State) -> Array:
-        return np.asarray(state.tangential / resistances(state.normal)[:, None])

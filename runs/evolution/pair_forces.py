@@ -152,7 +152,7 @@ class PairForces:
 
     ``share`` is the error of adding pairs, over the largest T in a state, as measured on three and four balls: the
     error of T is this plus the law's own errors, summed over the neighbours of a ball. ``cell`` holds the lengths [m]
-    of a periodic cell; ``cut`` is the share of the law below which it is neglected.
+    of a periodic cell; ``cut`` is the share of the law below which it is neglected, beyond the ``reach`` [m].
     """
 
     def __init__(
@@ -171,13 +171,9 @@ class PairForces:
         self._approaches = np.array(problem.load.values, dtype=float)
         self._cut = cut
         self._table = CutLaw(law, 2.0 * min(ball.radius for ball in problem.balls), cut, on_mesh=cell is not None)
-        self._list = PairList(self._table.reach, cell)
+        self.reach = self._table.reach
+        self._list = PairList(self.reach, cell)
         self._waves = None if cell is None else self._table.waves(cell)
-
-    @property
-    def reach(self) -> float:
-        """Distance [m] beyond which balls do not act on each other."""
-        return self._table.reach
 
     def __call__(self, positions: Array) -> State:
         """Return the state at ``positions``; raises `NotConverged`."""

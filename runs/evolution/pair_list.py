@@ -135,18 +135,17 @@ class PairList:
     def __init__(self, reach: float, cell: Array | None = None) -> None:
         self.reach, self.cell = reach, cell
         self._skin = SKIN * reach
-        self._made: Array | None = None
-        self._pairs: Listed | None = None
+        self._kept: tuple[Array, Listed] | None = None
 
     def __call__(self, x: Array) -> Listed:
         """Return a superset of the pairs within reach at positions ``x`` [m]."""
-        if self._made is None or self._pairs is None or len(x) != len(self._made) or self._moved(x):
-            self._made, self._pairs = x.copy(), Listed(*self._list(x), len(x))
-        return self._pairs
-
-    def _moved(self, x: Array) -> bool:
-        assert self._made is not None
-        return 2.0 * float(np.max(np.hypot(*(x - self._made).T))) > self._skin
+        if self._kept is not None and len(x) == len(self._kept[0]):
+            made, pairs = self._kept
+            if 2.0 * float(np.max(np.hypot(*(x - made).T))) <= self._skin:
+                return pairs
+        pairs = Listed(*self._list(x), len(x))
+        self._kept = x.copy(), pairs
+        return pairs
 
     def _list(self, x: Array) -> tuple[Indices, Indices, Array]:
         radius = self.reach + self._skin

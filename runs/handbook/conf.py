@@ -19,7 +19,6 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sp
 myst_enable_extensions = ["colon_fence", "deflist", "html_image"]
 myst_heading_anchors = 3
 default_role = "code"  # docstrings name code in single backquotes
-nitpicky = False
 autodoc_mock_imports = ["dolfinx", "ufl", "basix", "petsc4py", "mpi4py", "gmsh", "h5py"]
 """Mocked, so that the reference of `finite_strain` is built even without these packages."""
 autodoc_typehints = "description"
@@ -27,8 +26,6 @@ autodoc_typehints_description_target = "documented"
 autodoc_member_order = "bysource"
 autosummary_generate = False
 napoleon_use_rtype = False
-templates_path: list[str] = []
-exclude_patterns: list[str] = []
 
 
 def setup(app: Any) -> None:
