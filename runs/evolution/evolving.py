@@ -16,7 +16,7 @@ from linear_bem.layer.ritz_indentation import estimates
 from linear_bem.problem import Problem
 from linear_bem.result import Solved
 from linear_bem.touching import overlap_faults
-from runs.evolution import after_path, outcome, saved_path, showing, structure
+from runs.evolution import outcome, saved_path, showing, structure
 from runs.evolution.drift import AT_END, Drift, Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.layer_pictures import some
@@ -130,7 +130,7 @@ class Evolution:
         limit = self._limit_of_saved(earlier)
         record = Record.from_dict(earlier, self.balls, self._folder, limit)
         complete = record.ended(self.end)
-        found = after_path.saved(earlier) if complete else {}
+        found = outcome.saved(earlier) if complete else {}
         members = {
             member["seed"]: member
             for member in earlier.get("ensemble", [])
@@ -158,7 +158,7 @@ class Evolution:
                 with signals.held():
                     members[seed] = self._member(path, number)
                 save()
-            ends = after_path.results(self.session, source, self.balls, record.moments, found, save)
+            ends = outcome.results(self.session, source, self.balls, record.moments, found, save)
             if self._is_layer:
                 write_csv(
                     self.session.out / "structure_factor.csv", structure.waves_of(some(record.moments), self.balls)

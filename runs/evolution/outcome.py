@@ -1,7 +1,10 @@
-"""The outcome of an evolution: rest or not, the nearest equilibrium, errors of positions and of forces."""
+"""The outcome of an evolution: rest or not, the nearest equilibrium, errors of positions and of forces.
+
+`results` computes one after the other what takes time; what is saved is used again.
+"""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,16 +18,80 @@ from runs.evolution import equilibria
 from runs.evolution.drift import PUSHING, Drift, Moment
 from runs.evolution.forces import Forces, at
 from runs.evolution.hard_balls import HardBalls, resistances
+from runs.evolution.pair_forces import PairForces
+from runs.evolution.providers import DIRECT_ACCURACY, MEASURED, Provider
 from runs.evolution.structure import nearest_distances
 from runs.process.json_values import Document
 from runs.scene.units import Unit
+from runs.session.session import Session
 
+KEYS = ("direct_check", "balls", "position_error", "equilibrium", "pair_equilibria")
+"""Results that take time; an unfinished document has those that are known."""
 COARSER = 10.0
 """Tolerance of a second run over that of the first; their difference is the error of the positions."""
 NAMED = 3
 """Sizes of clusters that are named, the largest."""
 FURTHEST = 12.0
 """Distance over the touching distance up to which equilibria of a pair are sought."""
+
+
+def saved(earlier: Mapping[str, Any]) -> Document:
+    """Return the saved values of `KEYS`; `balls` only after a direct check, as others have no pressures."""
+    return {key: earlier[key] for key in KEYS if key in earlier and (key != "balls" or earlier.get("direct_check"))}
+
+
+def results(
+    session: Session, source: Provider, balls: HardBalls, moments: Sequence[Moment], found: Document,
+    save: Callable[[], None],
+) -> Document:  # fmt: skip
+    """Return the results of a complete path; those in ``found`` are taken from there, new ones added and saved."""
+    forces, problem, sliding, model = source.forces, session.problem, session.scene.reciprocation, session.model.name
+    assert sliding is not None
+    begin, end = moments[0].positions, moments[-1].positions
+
+    def once(key: str, words: str, compute: Callable[[], Document]) -> None:
+        if key in found:
+            session.report(f"{words}: saved")
+            return
+        session.report(words)
+        found.update(compute())
+        save()
+
+    def check() -> Document:
+        accuracy = session.scene.tangential_force or DIRECT_ACCURACY
+        rows, full = direct_check(problem, balls, forces, moments, accuracy)
+        if full and model != "linear_bem":
+            full = without_pressures(problem, moments[-1], full)
+        return {"direct_check": rows, **({"balls": full} if full else {})}
+
+    def coarser() -> Document:
+        return {"position_error": position_error(moments, forces, balls, begin, balls.tolerance, sliding.rest)}
+
+    def balanced() -> Document:
+        of_pair: list[Document] | None = None
+        if source.cheap and len(end) == 2:
+            distances = equilibria.of_pair(forces, balls.smallest, FURTHEST * balls.smallest)
+            of_pair = [{"distance": distance, "verdict": verdict} for distance, verdict in distances]
+        found_at = equilibrium(forces, balls, end, source.difference, balls.tolerance)
+        return {"equilibrium": found_at, "pair_equilibria": of_pair}
+
+    if model != "finite_strain" and problem.size <= MEASURED:
+        once("direct_check", "the full linear model at start and end of the path, for the error of T", check)
+    if not balls.many:  # a second path takes as long as the first, and an equilibrium needs dense matrices
+        words = f"the path with a {COARSER:g} times coarser tolerance, for the error of positions"
+        once("position_error", words, coarser)
+        if balls.cell is None and balls.rolling == 0.0:
+            once("equilibrium", "the equilibrium next to the end", balanced)
+    return {
+        "rest": rest(moments[-1]),
+        "position_error": found.get("position_error"),
+        "equilibrium": found.get("equilibrium"),
+        "pair_equilibria": found.get("pair_equilibria"),
+        "momentum": momentum(moments),
+        "pair_table": source.table,
+        "direct_check": found.get("direct_check"),
+        "cut_error": forces.cut_error(begin) if isinstance(forces, PairForces) else None,
+    }
 
 
 def rest(end: Moment) -> Document:

@@ -91,7 +91,7 @@ def test_the_error_at_the_end_covers_the_full_linear_model(
 def test_too_many_balls_for_the_full_model_are_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("runs.evolution.after_path.MEASURED", 3)
+    monkeypatch.setattr("runs.evolution.outcome.MEASURED", 3)
     monkeypatch.setattr("runs.evolution.providers.MEASURED", 3)
     monkeypatch.setattr(showing, "LISTED", 3)
     assert evolved(tmp_path, "linear_bem", CELL)["direct_check"] is None
