@@ -16,12 +16,12 @@ from linear_bem.layer.ritz_indentation import estimates
 from linear_bem.problem import Problem
 from linear_bem.result import Solved
 from linear_bem.touching import overlap_faults
-from runs.evolution import outcome, saved_path, showing, structure
+from runs.evolution import outcome, showing, structure
 from runs.evolution.drift import AT_END, Drift, Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.layer_pictures import some
 from runs.evolution.providers import Provider, provider, require_forces
-from runs.evolution.record import Record, events, summary
+from runs.evolution.record import Record, drop_from, events, summary
 from runs.models import Model, choose, standing
 from runs.process import ranks, signals
 from runs.process.files import write_csv
@@ -116,7 +116,7 @@ class Evolution:
         document, record = self._run(source)
         document["sentences"] = showing.sentences(session.scene, document, session.scale.units.length)
         session.save(document, rows(document))
-        saved_path.drop_from(self._folder, len(record.moments))
+        drop_from(self._folder, len(record.moments))
         if pictures:
             showing.draw(session, document, record.moments, self.balls, self._arrangements if self._is_layer else [])
         session.finish(document["solved"])

@@ -1,4 +1,7 @@
-"""The saved path: the moments that are kept, their JSON, and when contacts closed and opened."""
+"""The saved path: the moments that are kept, as JSON or in files, and when contacts closed and opened.
+
+Each moment of many balls has a file of its own: thousands of balls would make a single JSON document too large.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +14,10 @@ import numpy as np
 
 from linear_bem.arrays import Array
 from linear_bem.errors import OutputUnusable
-from runs.evolution import saved_path
 from runs.evolution.drift import AT_END, Moment
 from runs.evolution.forces import State
 from runs.evolution.hard_balls import HardBalls, Pairs
+from runs.process.files import DAMAGED, replacing
 from runs.process.json_values import Document
 
 WORTH_KEEPING, OF_MANY = 0.02, 0.25
@@ -70,7 +73,10 @@ class Record:
         restart, moments, damage = document.get("continuation"), list[Moment](), ""
         try:
             for number, moment in enumerate(kept):
-                moments.append(_read(folder, number, moment["sigma"]) if balls.many else _from_dict(moment, balls))
+                moments.append(read(folder, number) if balls.many else _from_dict(moment, balls))
+                if moments[-1].sigma != moment["sigma"]:
+                    moments.pop()
+                    raise OutputUnusable(f"{folder / file_name(number)}: is of another path")
         except OutputUnusable as error:
             damage = f"{error}: the path from there on was computed again"
         if restart is not None and restart["sigma"] < below and not damage:
@@ -87,7 +93,7 @@ class Record:
         restart = self.continuation
         if balls.many:
             for number in range(self.written, len(self.moments)):
-                saved_path.write(folder, number, self.moments[number])
+                write(folder, number, self.moments[number])
             self.written = len(self.moments)
         return {
             "path": [in_brief(moment) if balls.many else to_dict(moment, balls) for moment in self.moments],
@@ -145,11 +151,43 @@ def in_brief(moment: Moment) -> Document:
     return {"sigma": moment.sigma, "contacts": len(moment.contacts), "speed": moment.speed, "resting": moment.resting}
 
 
-def _read(folder: Path, number: int, sigma: float) -> Moment:
-    moment = saved_path.read(folder, number)
-    if moment.sigma != sigma:
-        raise OutputUnusable(f"{folder / saved_path.name(number)}: is of another path")
-    return moment
+def file_name(number: int) -> str:
+    """Return the file name of moment ``number``."""
+    return f"moment_{number:06d}.npz"
+
+
+def write(folder: Path, number: int, moment: Moment) -> None:
+    """Write one moment; raises `OutputUnusable`."""
+    folder.mkdir(exist_ok=True)
+    with replacing(folder / file_name(number)) as draft, open(draft, "wb") as file:
+        np.savez(
+            file, positions=moment.positions, tangential=moment.state.tangential, normal=moment.state.normal,
+            error=moment.state.error, contacts=moment.contacts, pushes=moment.pushes,
+            scalars=np.array([moment.sigma, moment.speed, moment.resting, moment.step, moment.spare, moment.steps]),
+        )  # fmt: skip
+
+
+def drop_from(folder: Path, number: int) -> None:
+    """Delete the moments from ``number`` on, which an earlier, longer path left."""
+    while (file := folder / file_name(number)).exists():
+        file.unlink()
+        number += 1
+
+
+def read(folder: Path, number: int) -> Moment:
+    """Return a moment by `write`; those of older versions lack its next step and `steps`. Raises `OutputUnusable`."""
+    file = folder / file_name(number)
+    try:
+        with open(file, "rb") as opened, np.load(opened) as data:  # numpy leaves a damaged file open
+            state = State(data["tangential"], data["normal"], data["error"])
+            sigma, speed, resting, *later = data["scalars"].tolist()
+            step, spare, steps = later or (np.nan, np.nan, 0)
+            return Moment(
+                sigma, data["positions"], state, data["contacts"], data["pushes"], speed, step, spare, bool(resting),
+                int(steps),
+            )  # fmt: skip
+    except DAMAGED as error:
+        raise OutputUnusable(f"{file}: cannot be read ({error})") from None
 
 
 def _from_dict(data: Mapping[str, Any], balls: HardBalls) -> Moment:

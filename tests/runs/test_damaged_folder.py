@@ -11,12 +11,11 @@ import pytest
 from linear_bem import Ball, Layer, Load, Problem
 from linear_bem.errors import OutputUnusable
 from runs.display import surface
-from runs.evolution import saved_path
 from runs.evolution.drift import Moment
 from runs.evolution.forces import State
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.pair_table import PairTable
-from runs.evolution.record import Record
+from runs.evolution.record import Record, file_name
 from runs.session.output_folder import OutputFolder, difference
 
 
@@ -69,7 +68,7 @@ def test_a_path_continues_from_the_last_moment_before_a_damaged_one(damaged: int
         record.take(moment, balls, last=number == 3)
     document = record.to_dict(balls, tmp_path / "path")
     assert Record.from_dict(document, balls, tmp_path / "path").ended(3.0)
-    file = tmp_path / "path" / saved_path.name(damaged)
+    file = tmp_path / "path" / file_name(damaged)
     file.write_bytes(file.read_bytes()[:100])
     found = Record.from_dict(document, balls, tmp_path / "path")
     assert [moment.sigma for moment in found.moments] == [float(number) for number in range(left)]

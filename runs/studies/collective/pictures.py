@@ -9,7 +9,7 @@ import numpy as np
 from linear_bem.arrays import Array
 from runs.display.numbers import number
 from runs.display.style import BLUE, GREEN, GREY, PURPLE, blank, look, panels, save_figure
-from runs.evolution import saved_path
+from runs.evolution import record
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.layer_pictures import draw_layer
 from runs.pictures.sheet import save_gif
@@ -73,7 +73,7 @@ def draw_ends(folder: Path, found: Sequence[Case]) -> None:
         axis = axes[lines.index(case.fraction), columns.index(case.thickness)]
         axis.set_axis_on()
         run = folder / CASES / case.name / PATH
-        _draw_cell(axis, case, saved_path.read(run, len(list(run.glob("moment_*.npz"))) - 1).positions)
+        _draw_cell(axis, case, record.read(run, len(list(run.glob("moment_*.npz"))) - 1).positions)
         axis.set_title(f"h = {case.thickness:g} R, {case.fraction:g}", fontsize=8.5)
     save_figure(figure, folder, "ends", ("png",))
 
@@ -86,7 +86,7 @@ def draw_gathering(folder: Path, case: Case, largest: float) -> None:
     sheets = []
     with look():
         for number in range(len(list(run.glob("moment_*.npz")))):
-            moment = saved_path.read(run, number)
+            moment = record.read(run, number)
             figure = blank(3.6, 3.8)
             axis = figure.subplots()
             _draw_cell(axis, case, moment.positions)
