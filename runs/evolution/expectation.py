@@ -18,7 +18,6 @@ from runs.evolution.outcome import COARSER
 from runs.evolution.pair_table import DEPTHS
 from runs.evolution.providers import (
     DIRECT_ACCURACY,
-    DIRECT_DIFFERENCE,
     MEASURED,
     PAIR_ACCURACY,
     Alone,
@@ -44,9 +43,9 @@ balls from which all of it counts (below, in proportion)."""
 COMPARED = 2.5
 """Time of the coarser path with its comparison, for the error of the positions, over that of this path alone."""
 EVALUATIONS, WARM, SEARCH = 4.6, 0.35, 8.0
-"""For direct forces: evaluations per step, and time of one next to a solved state over that of a first solution, where
-more than `IN_ONE_FILE` balls make it too long to measure; number of times that the search for an equilibrium evaluates
-T at two values of each coordinate."""
+"""For direct forces: evaluations per step; time of one next to a solved state over that of a first solution, where more
+than `IN_ONE_FILE` balls make it too long to measure; number of times that the search for an equilibrium evaluates T at
+two values of each coordinate."""
 OVERHEAD = 0.8
 """Time [s] of a command without finite elements beside its parts, on the reference machine: imports and files."""
 PICTURES, PER_BALL, PER_PATH = 1.1, 0.04, 0.1
@@ -79,17 +78,18 @@ def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -
         usual = STEPS * size / (1.0 + size / CROWD) * (COARSE / sliding.tolerance) ** FINER
         steps = max(steps, min(usual, steps * sliding.end / path.sigma))
     later = 1.0 if path.ended else 1.0 + LATER * min(size / TOUCHING, 1.0)
-    step, nearby = later * path.seconds / max(path.steps, 1), 0.0
+    step = later * path.seconds / max(path.steps, 1)
     if direct:
-        step, nearby = _direct(scene, problem, solution) if steps else (0.0, 0.0)
+        step = _direct(scene, problem, solution) if steps else 0.0
     paths = sliding.ensemble + (0.0 if size > IN_ONE_FILE else COMPARED * COARSER**-FINER)
     drawn = 0 if size > IN_ONE_FILE or "periodic" in scene.drift else size
+    equilibrium = direct and "rolling_resistance" not in scene.drift
     parts = {
         "table": _by_linear_model(missing, scene) if table is None else table["processor_seconds"],
         "paths": paths * steps * step,
         # the full model, and once more for the first state if the forces are direct
         "check": (3.0 if direct else 2.0) * solution if model.name != "finite_strain" and size <= MEASURED else 0.0,
-        "equilibrium": SEARCH * 4.0 * drawn * nearby if "rolling_resistance" not in scene.drift else 0.0,
+        "equilibrium": SEARCH * 4.0 * drawn * step / EVALUATIONS if equilibrium else 0.0,
         "pictures": slowness() * (PICTURES + PER_BALL * drawn + PER_PATH * sliding.ensemble),
     }
     alone = sum(parts.values())
@@ -153,18 +153,12 @@ def _path(scene: Scene, problem: Problem) -> Followed:
     return _followed(scene, problem, point_loads(problem, balls_of(scene).cell, estimated))
 
 
-def _direct(scene: Scene, problem: Problem, solution: float) -> tuple[float, float]:
-    """Return the times [s] of a step by the full model and of its forces next to a state that it has solved."""
+def _direct(scene: Scene, problem: Problem, solution: float) -> float:
+    """Return the time [s] of a step by the full model."""
     if problem.size > IN_ONE_FILE:
-        return EVALUATIONS * WARM * solution, WARM * solution
-    forces = DirectForces(problem, scene.tangential_force or DIRECT_ACCURACY)
-    path = _followed(scene, problem, forces)
-    x, aside = problem.positions, np.zeros((problem.size, 2))
-    aside[0, 0] = DIRECT_DIFFERENCE * balls_of(scene).smallest
-    forces(x)
-    begun = time.process_time()
-    forces(x + aside)
-    return path.seconds / max(path.steps, 1), time.process_time() - begun
+        return EVALUATIONS * WARM * solution
+    path = _followed(scene, problem, DirectForces(problem, scene.tangential_force or DIRECT_ACCURACY))
+    return path.seconds / max(path.steps, 1)
 
 
 def _followed(scene: Scene, problem: Problem, forces: Forces) -> Followed:
