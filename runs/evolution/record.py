@@ -222,16 +222,14 @@ def events(moments: Sequence[Moment], balls: HardBalls) -> list[Event]:
 
     A pair has parted when it is no longer `HardBalls.connected`.
     """
-    together: set[tuple[int, int]] = set()
+    together = np.array([], dtype=np.intp)
     out: list[Event] = []
     for moment in moments:
-        now = {(int(i), int(j)) for i, j in balls.pairs(moment.contacts)}
-        before = np.array(sorted(balls.number(*pair) for pair in together), dtype=np.intp)
-        gone = ~balls.connected(moment.positions, before)
-        apart = {(int(i), int(j)) for i, j in balls.pairs(before[gone])}
-        out += [Event(moment.sigma, pair, "touch") for pair in sorted(now - together)]
-        out += [Event(moment.sigma, pair, "part") for pair in sorted(together & apart)]
-        together = (together | now) - apart
+        new = np.setdiff1d(moment.contacts, together)
+        gone = together[~balls.connected(moment.positions, together)]
+        out += [Event(moment.sigma, (i, j), "touch") for i, j in balls.pairs(new).tolist()]
+        out += [Event(moment.sigma, (i, j), "part") for i, j in balls.pairs(gone).tolist()]
+        together = np.setdiff1d(np.union1d(together, new), gone)
     return out
 
 
