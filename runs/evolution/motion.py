@@ -59,17 +59,13 @@ class Contacts:
         return csc_matrix((np.hstack([-self.away, self.away]).ravel(), (rows, columns)), shape=(len(i), 2 * count))
 
 
-def moved(force: Array, weight: Array, contacts: Contacts, rolling: Array | None = None) -> tuple[Array, Array]:
+def moved(force: Array, weight: Array, contacts: Contacts, rolling: Array | float = 0.0) -> tuple[Array, Array]:
     """Return velocities (balls, 2) [-] and contact forces (contacts,) [N]; raises `NotConverged`.
 
-    ``force`` T (balls, 2) [N], ``weight`` Q (balls,) [N], ``rolling`` r (balls,) [N] or None.
+    ``force`` T (balls, 2) [N], ``weight`` Q (balls,) [N], ``rolling`` r (balls,) [N].
     """
-    if rolling is not None and not np.any(rolling > 0.0):
-        rolling = None
-    free = force / weight[:, None]
-    if rolling is not None:
-        size = np.hypot(*force.T)
-        free = free * np.maximum(0.0, 1.0 - rolling / np.where(size > 0.0, size, np.inf))[:, None]
+    size, rolling = np.hypot(*force.T), np.broadcast_to(rolling, len(force))
+    free = force / weight[:, None] * np.maximum(0.0, 1.0 - rolling / np.where(size > 0.0, size, np.inf))[:, None]
     count = len(contacts.pairs)
     pushes = np.zeros(count)
     i, j = contacts.pairs.T
@@ -79,15 +75,15 @@ def moved(force: Array, weight: Array, contacts: Contacts, rolling: Array | None
     members, inverse = np.unique(contacts.pairs, return_inverse=True)  # balls without contacts move freely
     inner = Contacts(inverse.reshape(-1, 2), contacts.away, contacts.opening)
     # lengths and forces of order 1
-    heavy, free_speed = float(np.max(weight[members])), np.max(np.hypot(*force[members].T) / weight[members])
+    heavy, free_speed = float(np.max(weight[members])), np.max(size[members] / weight[members])
     fast = float(max(free_speed, np.max(np.abs(contacts.opening)))) or 1.0
     jacobian = inner.jacobian(len(members))
     root: Array = np.repeat(np.sqrt(weight[members] / heavy), 2)
     driven = force[members].ravel() / (heavy * fast)
-    if rolling is None and count <= DENSE:
+    if count <= DENSE and not np.any(rolling > 0.0):
         found, pushes = _by_least_squares(jacobian, root, driven, inner.opening / fast)
     else:
-        resisted = None if rolling is None else rolling[members] / (heavy * fast)
+        resisted = rolling[members] / (heavy * fast)
         found, pushes = _by_cones(jacobian, root**2, driven, inner.opening / fast, resisted)
     velocity[members] = fast * found.reshape(-1, 2)
     return velocity, heavy * fast * pushes
@@ -113,15 +109,21 @@ def _by_least_squares(jacobian: csc_matrix, root: Array, driven: Array, opening:
 
 
 def _by_cones(
-    jacobian: csc_matrix, weight: Array, driven: Array, opening: Array, rolling: Array | None
+    jacobian: csc_matrix, weight: Array, driven: Array, opening: Array, rolling: Array
 ) -> tuple[Array, Array]:
     """Return velocities and contact forces by Clarabel: min x.Px/2 + q.x with b - A x in cones."""
-    clarabel = _clarabel()
+    try:
+        import clarabel  # noqa: PLC0415  (only many contacts, and rolling resistance, need it)
+    except ImportError:
+        raise MissingDependency(
+            f"clarabel is missing: more than {DENSE} contacts at once, and [rolling_resistance], need it; "
+            "pip install 'thirdbody[cli]'"
+        ) from None
     count, size = jacobian.shape
     quadratic, linear = diags(weight).tocsc(), -driven
     matrix, right = -jacobian, -opening
     cones: list[Any] = [clarabel.NonnegativeConeT(count)]
-    if rolling is not None:
+    if np.any(rolling > 0.0):
         # one more unknown per ball, t >= |v|, in the cone (t, v)
         balls = size // 2
         quadratic = diags(np.concatenate([weight, np.zeros(balls)])).tocsc()
@@ -140,14 +142,3 @@ def _by_cones(
     if str(found.status) not in ("Solved", "AlmostSolved"):
         raise NotConverged(f"hard balls: the velocity at {count} contacts was not found, Clarabel says {found.status}")
     return np.array(found.x)[:size], np.maximum(np.array(found.z)[:count], 0.0)
-
-
-def _clarabel() -> Any:
-    try:
-        import clarabel  # noqa: PLC0415  (only many contacts, and rolling resistance, need it)
-    except ImportError:
-        raise MissingDependency(
-            "clarabel is missing: more than "
-            f"{DENSE} contacts at once, and [rolling_resistance], need it; pip install 'thirdbody[cli]'"
-        ) from None
-    return clarabel

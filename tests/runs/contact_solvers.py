@@ -14,6 +14,7 @@ of the balance of forces over the balls.
 
 from __future__ import annotations
 
+import importlib
 import sys
 import time
 import warnings
@@ -92,7 +93,7 @@ def drifted(count: int) -> tuple[list[Contact], dict[str, Any]]:
         spent += time.process_time() - begun
         return found
 
-    def recorded(jacobian: csc_matrix, weight: Array, driven: Array, opening: Array, rolling: None) -> Any:
+    def recorded(jacobian: csc_matrix, weight: Array, driven: Array, opening: Array, rolling: Array) -> Any:
         nonlocal calls
         calls += 1
         if calls % EVERY == 0:
@@ -112,7 +113,7 @@ def drifted(count: int) -> tuple[list[Contact], dict[str, Any]]:
 
 def by_clarabel() -> Callable[[Contact], Answer]:
     """Return what `runs.evolution.motion` does beyond `motion.DENSE` contacts."""
-    library, ended = motion._clarabel(), []
+    library, ended = importlib.import_module("clarabel"), []
 
     def solver(*given: Any) -> Any:
         made = library.DefaultSolver(*given)
@@ -123,8 +124,8 @@ def by_clarabel() -> Callable[[Contact], Answer]:
     )
 
     def solve(p: Contact) -> Answer:
-        with patch.object(motion, "_clarabel", lambda: noting):
-            velocity, pushes = motion._by_cones(p.jacobian, p.weight, p.driven, p.opening, None)
+        with patch.dict(sys.modules, clarabel=noting):
+            velocity, pushes = motion._by_cones(p.jacobian, p.weight, p.driven, p.opening, np.zeros(len(p.driven) // 2))
         return velocity, pushes, ended.pop().iterations
 
     return solve
