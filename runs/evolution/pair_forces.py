@@ -81,28 +81,20 @@ def _continued(curve: CubicSpline, nodes: Array, values: Array) -> tuple[Array, 
 
 
 class PairLaw:
-    """Influence k(L) [m/N] and pull c(L) [1/N]: the point-load law, ``corrected`` to given values if there are any.
+    """Influence k(L) [m/N] and pull c(L) [1/N]: the point-load law, or corrected to the values of a table.
 
-    ``corrected``: distances [m], and influence and pull there; the differences over `linear`'s envelopes are
-    interpolated. ``errors``: distances [m], rising, and the error of pull there [1/N]; that of point loads is what they
-    neglect.
+    ``table``: distances [m], rising, influence, pull and the error of pull there [1/N]. The differences over `linear`'s
+    envelopes are interpolated. The error of point loads is what they neglect.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        corrected: tuple[Array, Array, Array] | None = None,
-        errors: tuple[Array, Array] | None = None,
-    ) -> None:
-        self.kernel, self._errors = LayeredKernel.of(problem), errors
+    def __init__(self, problem: Problem, table: tuple[Array, Array, Array, Array] | None = None) -> None:
+        self.kernel, self._table = LayeredKernel.of(problem), table
         self._thickness = problem.layer.thickness
-        self._curves = None
-        self._terms = None
-        if corrected is None:
+        if table is None:
             self._far = 2.0 * min(ball.radius for ball in problem.balls) * FAR
             self._terms = make_interp_spline(self._far, next_terms(self.kernel, self._far).T, k=1)
         else:
-            distances, influence, pull = corrected
+            distances, influence, pull, _ = table
             k, c, k_size, c_size = self.linear(distances)
             self._nodes = np.log(distances)
             self._curves = tuple(
@@ -123,21 +115,19 @@ class PairLaw:
         That of pull is linear between given ones, as 1/L^2 beyond the last, and contains that of influence.
         ``moments`` (pairs, 3) are the sums of both balls' `SingleBall.moments`, `on_slopes`.
         """
-        if self._terms is not None:
+        if self._table is None:
             terms = self._terms(np.clip(distance, self._far[0], self._far[-1])).T
             return neglected(terms, distance, pull, moments)
-        none = np.zeros(distance.shape)
-        if self._errors is None:
-            return none, none
-        at, errors = self._errors
-        return np.asarray(np.interp(distance, at, errors) * np.minimum(1.0, at[-1] / distance) ** 2), none
+        at, _, _, errors = self._table
+        of_pull = np.interp(distance, at, errors) * np.minimum(1.0, at[-1] / distance) ** 2
+        return np.asarray(of_pull), np.zeros(distance.shape)
 
     def __call__(self, distance: Array) -> tuple[Array, Array]:
         """Return k and c at distances [m], any shape; 0 at infinite ones."""
         near = np.isfinite(distance)
         at = distance[near]
         influence, pull = np.zeros(distance.shape), np.zeros(distance.shape)
-        if self._curves is None:
+        if self._table is None:
             influence[near], pull[near] = self.kernel.displacement(at), -self.kernel.slope(at)
             return influence, pull
         k, c, k_size, c_size = self.linear(at)

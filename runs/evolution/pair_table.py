@@ -288,7 +288,7 @@ class PairTable:
         pull = np.array([pair.tangential_force for pair in pairs]) / load**2
         influence = (self.approach - self.single().approach(load)) / load
         errors = np.array([pair.tangential_force_error for pair in pairs]) / load**2
-        return PairLaw(self.problem, (distances, influence, pull), (distances, errors))
+        return PairLaw(self.problem, (distances, influence, pull, errors))
 
     def forces(self, cell: Array | None = None) -> PairForces:
         """Return the forces of the problem's balls at any positions, in a periodic ``cell`` [m] if there is one.
