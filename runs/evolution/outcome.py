@@ -69,7 +69,7 @@ def results(
 
     def balanced() -> Document:
         of_pair: list[Document] | None = None
-        if source.cheap and len(end) == 2:
+        if isinstance(forces, PairForces) and len(end) == 2:
             distances = equilibria.of_pair(forces, balls.smallest, FURTHEST * balls.smallest)
             of_pair = [{"distance": distance, "verdict": verdict} for distance, verdict in distances]
         found_at = equilibrium(forces, balls, end, source.difference, balls.tolerance)

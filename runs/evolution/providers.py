@@ -36,7 +36,7 @@ DIRECT_DIFFERENCE = 1e-3
 
 @dataclass(frozen=True)
 class Provider:
-    """Forces, notes on what they are, the table that they come from, and whether they are cheap to evaluate.
+    """Forces, notes on what they are, and the table that they come from.
 
     ``difference`` is the length over the touching distance of the secants that give derivatives of T.
     """
@@ -44,7 +44,6 @@ class Provider:
     forces: Forces
     notes: tuple[str, ...]
     table: Document | None = None
-    cheap: bool = True
     difference: float = DIFFERENCE
 
 
@@ -77,7 +76,6 @@ def provider(
         return Provider(
             DirectForces(problem, accuracy or DIRECT_ACCURACY),
             ("the full model is solved at every step",),
-            cheap=False,
             difference=DIRECT_DIFFERENCE,
         )
     table = table_of(model, problem, accuracy, folder, comm, budget)
