@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import BarycentricInterpolator
 
 from linear_bem.arrays import Array
 
@@ -34,26 +35,13 @@ class Axis:
         """Return the variable at the Chebyshev points, shape (count,)."""
         into, back = SCALES[self.scale]
         middle, half = 0.5 * (into(self.high) + into(self.low)), 0.5 * (into(self.high) - into(self.low))
-        return np.array([back(middle + half * x) for x in _points(self.count)])
-
-    def weights(self, value: float) -> Array:
-        """Return the weights of the nodes' values at ``value``, shape (count,); they sum to 1."""
-        into = SCALES[self.scale][0]
-        x = (2.0 * into(value) - into(self.high) - into(self.low)) / (into(self.high) - into(self.low))
-        away = x - _points(self.count)
-        if np.any(away == 0.0):
-            return np.asarray(away == 0.0, dtype=float)
-        signs = (-1.0) ** np.arange(self.count)
-        terms = signs * np.sin((np.arange(self.count) + 0.5) * np.pi / self.count) / away
-        return np.asarray(terms / np.sum(terms))
+        points = np.cos((np.arange(self.count) + 0.5) * np.pi / self.count)
+        return np.array([back(middle + half * x) for x in points])
 
 
 def interpolate(axes: Sequence[Axis], values: Array, at: Sequence[float]) -> Array:
     """Return the table ``values`` (one axis of the array per axis, further ones kept) at the point ``at``."""
     for axis, place in zip(axes, at, strict=True):
-        values = np.tensordot(axis.weights(place), values, axes=(0, 0))
+        into = SCALES[axis.scale][0]
+        values = BarycentricInterpolator([into(node) for node in axis.nodes()], values)(into(place))
     return values
-
-
-def _points(count: int) -> Array:
-    return np.cos((np.arange(count) + 0.5) * np.pi / count)
