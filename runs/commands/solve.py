@@ -29,8 +29,7 @@ def _compute(session: Session) -> Document | None:
     document = result.to_dict(scene)
     session.save(document, _rows(result))
     if result.steps:
-        periodic = session.problem.periodic is not None
-        figures.draw_path(session.out, document["steps"], session.scale, session.model.name, periodic=periodic)
+        figures.draw_path(session.out, document["steps"], session.scale, session.model.name)
     figures.draw_surface(session.out, session.problem, document["balls"], session.scale)
     if session.solutions and session.problem.size <= DRAWN and session.problem.periodic is None:
         figures.draw_contacts(session.out, session.solutions[-1], document["balls"], session.scale)
@@ -53,22 +52,20 @@ def _rows(result: Result) -> list[dict[str, Any]]:
 def _show(session: Session, document: Document) -> None:
     balls, steps = document["balls"], document["steps"]
     out = tables.console()
-    periodic = session.problem.periodic is not None
     tables.say(out, *tables.warnings(document["solved"]))
-    tables.show_balls(out, balls, session.scale, f"{session.scene.title}: {document['model']}", periodic=periodic)
+    tables.show_balls(out, balls, session.scale, f"{session.scene.title}: {document['model']}")
     tables.say(out, f"shape: {bodies(session.problem, session.scale)}", session.scale.legend())
     if len(steps) > 1:
         leading = leading_ball(balls)
-        path = path_rows(steps, leading, session.scale, periodic=periodic)
+        path = path_rows(steps, leading, session.scale)
         tables.show(out, f"load path of ball {leading}", path, session.scale)
-        _, kind = line_of(balls, leading, balls[leading]["tangential_force"], periodic=periodic)
+        _, kind = line_of(balls, leading, balls[leading]["tangential_force"], periodic=session.scale.periodic)
         legend = legend_of_line(balls, kind)
         if legend != LEGEND:  # which is that of the balls
             tables.say(out, legend)
-    if not periodic:
-        tables.say(out, *legend_of_balls(balls, session.scale))
     tables.say(
         out,
+        *legend_of_balls(balls, session.scale),
         *tables.error_lines(balls),
         *tables.accuracy_lines(document["solved"], balls),
         *tables.notes(document["solved"]),

@@ -79,13 +79,11 @@ def draw_comparison(
 
 
 @look()
-def draw_path(
-    folder: Path, steps: Sequence[Mapping[str, Any]], scale: Scale, model: str, *, periodic: bool = False
-) -> None:
+def draw_path(folder: Path, steps: Sequence[Mapping[str, Any]], scale: Scale, model: str) -> None:
     """Write tangential_force.png and .svg: T(Q) of one model."""
     last = steps[-1]["balls"]
     ball = leading_ball(last)
-    along, kind = line_of(last, ball, last[ball]["tangential_force"], periodic=periodic)
+    along, kind = line_of(last, ball, last[ball]["tangential_force"], periodic=scale.periodic)
     states = [step["balls"][ball] for step in steps]
     figure = blank(4.8, 4.0)
     forces = figure.subplots()

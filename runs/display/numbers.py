@@ -17,12 +17,16 @@ Vector = Sequence[float]
 
 @dataclass(frozen=True)
 class Scale:
-    """Units of the numbers shown: R [m], E [Pa], the scene's units; ``unlike``: radii differ, R is that of ball 0."""
+    """Units of the numbers shown: R [m], E [Pa], the scene's units; ``unlike``: radii differ, R is that of ball 0.
+
+    ``periodic``: the other balls are on all sides, so that T towards them has no meaning.
+    """
 
     radius: float
     young: float
     units: Units = DIMENSIONLESS
     unlike: bool = False
+    periodic: bool = False
 
     @classmethod
     def of(cls, problem: Problem, scene: Mapping[str, Any] | None = None) -> Scale:
@@ -34,7 +38,7 @@ class Scale:
     def from_numbers(cls, radii: Sequence[float], young: float, scene: Mapping[str, Any] | None = None) -> Scale:
         """Return the scale of balls of these radii [m] on a layer of a Young's modulus [Pa]."""
         units = Units.written(scene or {}) or (DIMENSIONLESS if radii[0] == young == 1.0 else Units())
-        return cls(float(radii[0]), float(young), units, len(set(radii)) > 1)
+        return cls(float(radii[0]), float(young), units, len(set(radii)) > 1, "periodic" in (scene or {}))
 
     @property
     def force(self) -> float:

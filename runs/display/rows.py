@@ -21,11 +21,8 @@ OVER_R, OVER_E = "D / R", "Q / E R²"
 """Headings of the dimensionless columns, which need a wide table."""
 
 
-def ball_rows(balls: Sequence[Mapping[str, Any]], scale: Scale, *, periodic: bool = False) -> list[Row]:
-    """Return the state of every ball; forces are those on the ball.
-
-    In a ``periodic`` cell the other balls are on all sides, so |T| / Q is shown, without a sign.
-    """
+def ball_rows(balls: Sequence[Mapping[str, Any]], scale: Scale) -> list[Row]:
+    """Return the state of every ball; forces are those on the ball. In a periodic cell T / Q has no sign."""
     units, rows = scale.units, []
     for index, ball in enumerate(balls):
         force, load = ball["tangential_force"], ball["normal_force"]
@@ -40,8 +37,8 @@ def ball_rows(balls: Sequence[Mapping[str, Any]], scale: Scale, *, periodic: boo
             units.force.heading("Ty"): ty / units.force.size,
             units.force.heading("±"): ball["tangential_force_error"] / units.force.size,
         }
-        along = math.hypot(tx, ty) if periodic else attraction(balls, index, (tx, ty))
-        row[SIZE_RATIO if periodic else RATIO] = along / load if load > 0.0 else None
+        along = math.hypot(tx, ty) if scale.periodic else attraction(balls, index, (tx, ty))
+        row[SIZE_RATIO if scale.periodic else RATIO] = along / load if load > 0.0 else None
         if ball.get("peak_pressure") is not None:
             row[units.pressure.heading("peak p")] = ball["peak_pressure"] / units.pressure.size
         rows.append(row)
@@ -49,8 +46,8 @@ def ball_rows(balls: Sequence[Mapping[str, Any]], scale: Scale, *, periodic: boo
 
 
 def legend_of_balls(balls: Sequence[Mapping[str, Any]], scale: Scale) -> list[str]:
-    """Return the sign convention of `ball_rows` and, for more than two balls, the largest T."""
-    if len(balls) < 2:
+    """Return the sign convention of `ball_rows`, if they have any, and, for more than two balls, the largest T."""
+    if len(balls) < 2 or scale.periodic:
         return []
     if len(balls) == 2:
         return [LEGEND + COMPONENTS]
@@ -68,10 +65,10 @@ def legend_of_line(balls: Sequence[Mapping[str, Any]], kind: str, along: str = "
     return LEGEND if len(balls) < 3 else f"{LEGEND}; {part}"
 
 
-def path_rows(steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale, *, periodic: bool = False) -> list[Row]:
+def path_rows(steps: Sequence[Mapping[str, Any]], ball: int, scale: Scale) -> list[Row]:
     """Return the load path of one ball; T is the component along the `line_of` T at full load."""
     rows, unit, last = [], scale.units.force, steps[-1]["balls"]
-    (x, y), _ = line_of(last, ball, last[ball]["tangential_force"], periodic=periodic)
+    (x, y), _ = line_of(last, ball, last[ball]["tangential_force"], periodic=scale.periodic)
     for index, step in enumerate(steps, start=1):
         state, record = step["balls"][ball], step.get("record", {})
         load, (tx, ty) = state["normal_force"], state["tangential_force"]

@@ -77,19 +77,15 @@ def is_narrow(out: Console) -> bool:
     return out.width < WIDE
 
 
-def show_balls(
-    out: Console, balls: Sequence[Mapping[str, Any]], scale: Scale, title: str, *, periodic: bool = False
-) -> None:
+def show_balls(out: Console, balls: Sequence[Mapping[str, Any]], scale: Scale, title: str) -> None:
     """Print the state of every ball; of more than `MANY` balls only those with the largest T, in descending order."""
-    rows, which = some_balls(balls, scale, periodic=periodic)
+    rows, which = some_balls(balls, scale)
     show(out, title + (f": {which}" if which else ""), rows, scale)
 
 
-def some_balls(
-    balls: Sequence[Mapping[str, Any]], scale: Scale, *, periodic: bool = False
-) -> tuple[Sequence[Row], str]:
+def some_balls(balls: Sequence[Mapping[str, Any]], scale: Scale) -> tuple[Sequence[Row], str]:
     """Return the rows of a table of balls and, where they are too many for one, which are shown."""
-    rows = ball_rows(balls, scale, periodic=periodic)
+    rows = ball_rows(balls, scale)
     if len(balls) <= MANY:
         return rows, ""
     largest = sorted(range(len(balls)), key=lambda i: -math.hypot(*balls[i]["tangential_force"]))[:SHOWN]

@@ -48,13 +48,11 @@ def show(session: Session, document: Document) -> None:
     out = tables.console()
     end = document["path"][-1]
     title = f"{session.scene.title}: {document['model']}, after {number(end['cycle'])} cycles"
-    periodic = "periodic" in session.scene.drift
     shape = f"shape: {bodies(session.problem, session.scale)}"
     tables.say(out, *tables.warnings(document["solved"]))
     if len(document["balls"]) <= LISTED:
-        tables.show_balls(out, document["balls"], session.scale, title, periodic=periodic)
-        signs = [] if periodic else legend_of_balls(document["balls"], session.scale)
-        tables.say(out, shape, session.scale.legend(), *signs)
+        tables.show_balls(out, document["balls"], session.scale, title)
+        tables.say(out, shape, session.scale.legend(), *legend_of_balls(document["balls"], session.scale))
     else:
         tables.say(
             out, f"{title}; result.json has the final state of each of the {len(document['balls'])} balls", shape

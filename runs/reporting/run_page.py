@@ -53,20 +53,19 @@ def content(folder: Folder) -> dict[str, Any]:
 
 
 def _common(
-    balls: Sequence[Mapping[str, Any]], ball: int, solved: Mapping[str, Any], scale: Scale, more: dict[str, str],
-    *, periodic: bool = False,
-) -> Document:  # fmt: skip
+    balls: Sequence[Mapping[str, Any]], ball: int, solved: Mapping[str, Any], scale: Scale, more: dict[str, str]
+) -> Document:
     """Return the contents common to solutions and comparisons; ``more``: further facts about the ``ball`` shown."""
-    rows, which = some_balls(balls, scale, periodic=periodic)
+    rows, which = some_balls(balls, scale)
     others = dict.fromkeys(("answer", "sentences", "compared", "inputs", "path", "routes", "tables"))
     return others | {
         "ball": ball,
-        "facts": _state(balls, ball, scale, solved, periodic=periodic) | more | _account(solved),
+        "facts": _state(balls, ball, scale, solved) | more | _account(solved),
         "notes": list(solved["notes"]),
         "balls": rows,
         "which_balls": f"{which}; " if which else "",
         "legend": scale.legend(),
-        "signs_of_balls": [] if periodic else legend_of_balls(balls, scale),
+        "signs_of_balls": legend_of_balls(balls, scale),
         "accuracy": _accuracy(solved),
         "versions": [{"library": k, "version": str(v)} for k, v in (solved.get("versions") or {}).items()],
     }
@@ -75,13 +74,12 @@ def _common(
 def _solution(folder: Folder, document: Mapping[str, Any]) -> Document:
     scale, balls = scale_of(folder), document["balls"]
     leading, unit = leading_ball(balls), scale.units.force
-    periodic = "periodic" in (document.get("scene") or {})
-    found = _common(balls, leading, document["solved"], scale, {}, periodic=periodic)
+    found = _common(balls, leading, document["solved"], scale, {})
     heads = unit.heading("Tx"), unit.heading("Ty")
     steps = document["steps"]
     if len(steps) > 1:
-        found["path"] = path_rows(steps, leading, scale, periodic=periodic)
-    _, kind = line_of(balls, leading, balls[leading]["tangential_force"], periodic=periodic)
+        found["path"] = path_rows(steps, leading, scale)
+    _, kind = line_of(balls, leading, balls[leading]["tangential_force"], periodic=scale.periodic)
     found["signs"] = legend_of_line(balls, kind)
     found["routes"] = [
         {"route": name.replace("_", " "), **{h: v / unit.size for h, v in zip(heads, route, strict=True)}}
@@ -143,12 +141,10 @@ def _flat(row: Mapping[str, Any], length: Unit) -> dict[str, Any]:
     return flat
 
 
-def _state(
-    balls: Sequence[Mapping[str, Any]], index: int, scale: Scale, solved: Mapping[str, Any], *, periodic: bool = False
-) -> dict[str, str]:
+def _state(balls: Sequence[Mapping[str, Any]], index: int, scale: Scale, solved: Mapping[str, Any]) -> dict[str, str]:
     ball, units = balls[index], scale.units
     load, (x, y) = ball["normal_force"], ball["tangential_force"]
-    line, kind = line_of(balls, index, (x, y), periodic=periodic)
+    line, kind = line_of(balls, index, (x, y), periodic=scale.periodic)
     sized = kind == "tangential" or len(balls) > 2  # no line to the others, or T need not be along it
     force = math.hypot(x, y) if sized else line[0] * x + line[1] * y
     error, unit = ball["tangential_force_error"], units.force

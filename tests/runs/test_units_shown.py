@@ -166,7 +166,7 @@ def test_a_plan_gives_the_domain_in_the_scenes_unit() -> None:
 def test_in_a_periodic_cell_t_over_q_is_a_size(tmp_path: Path) -> None:
     read = scene(tmp_path)
     found = [ball.to_dict() for ball in balls(read)]
-    left, right = ball_rows(found, Scale.of(read.problem, read.data), periodic=True)
+    left, right = ball_rows(found, Scale.of(read.problem, read.data | {"periodic": {}}))
     assert left["|T| / Q"] == right["|T| / Q"] == pytest.approx(2e-3)
     assert "T / Q" not in left
 
@@ -180,9 +180,10 @@ def test_a_load_path_in_a_cell_does_not_depend_on_which_images_give_the_position
         found = [ball.to_dict() for ball in balls(read)]
         found[0]["position"] = (x, 0.0)
         steps = [{"balls": found}, {"balls": [ball | {"tangential_force": [2e-3, 0.0]} for ball in found]}]
-        rows = path_rows(steps, 0, Scale.of(read.problem, read.data), periodic=True)
+        scale = Scale.of(read.problem, read.data | {"periodic": {}})
+        rows = path_rows(steps, 0, scale)
         assert [row["T / Q"] for row in rows] == pytest.approx([2e-3, 4e-3])
-        figures.draw_path(tmp_path, steps, Scale.of(read.problem, read.data), "linear_bem", periodic=True)
+        figures.draw_path(tmp_path, steps, scale, "linear_bem")
     assert titles == ["T here: the component along T at full load"] * 2
 
 
