@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged, UnsupportedProblem
@@ -97,15 +98,6 @@ class States:
     pairs: list[PairState] = field(default_factory=list)
     additivity: list[Additivity] = field(default_factory=list)
 
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> States:
-        """Return the states of a table's JSON object."""
-        return cls(
-            SingleStates(**data["single"]) if data["single"] else None,
-            [PairState(**row) for row in data["pairs"]],
-            [Additivity(**row) for row in data["additivity"]],
-        )
-
 
 class PairTable:
     """The states of one ball, of pairs, and of three and four balls; complete or not.
@@ -149,11 +141,11 @@ class PairTable:
         """Return the saved states; none if the file is of another table or damaged (then ``damage`` is set)."""
         try:
             data = json.loads(self.path.read_text(encoding="utf-8"))
-            return States.from_dict(data) if data["identity"] == self.identity else States()
+            return TypeAdapter(States).validate_python(data) if data["identity"] == self.identity else States()
         except FileNotFoundError:
             return States()
         except (OSError, ValueError, KeyError, TypeError) as error:
-            self.damage = f"{self.path}: cannot be read ({error}); its runs are computed again"
+            self.damage = f"{self.path}: cannot be read ({str(error).splitlines()[0]}); its runs are computed again"
             return States()
 
     @property
