@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from linear_bem.coupled_point_loads import estimated_relations
 from linear_bem.problem import Ball, Load, Problem
 from runs.display.numbers import count, duration
-from runs.evolution.drift import Drift
+from runs.evolution.drift import AT_END, Drift, Moment
 from runs.evolution.evolving import TABLES, balls_of, start
 from runs.evolution.forces import DirectForces, Forces
 from runs.evolution.hard_balls import IN_ONE_FILE
@@ -52,16 +52,6 @@ PICTURES, PER_BALL, PER_PATH = 1.1, 0.04, 0.1
 """Time of the pictures [s]: constant part, per ball that is drawn individually, and per path."""
 
 
-@dataclass(frozen=True)
-class Followed:
-    """A path followed for a while: its steps, their time [s], sigma [m] reached, and whether it came to its end."""
-
-    steps: int
-    seconds: float
-    sigma: float
-    ended: bool
-
-
 def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -> dict[str, Any]:
     """Return the runs of the table, steps and paths, and time [s] and memory [bytes] of the whole command.
 
@@ -72,13 +62,13 @@ def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -
     direct = sliding.forces == "direct" and model.name != "point_load"
     missing = [] if direct else _missing(scene, model, problem)
     table = planned_table(model, missing, scene.tangential_force, scene.budget)
-    path = _path(scene, problem)
-    steps = float(path.steps)
-    if not path.ended:  # steps become longer where balls slow down
+    last, seconds = _path(scene, problem)
+    steps, ended = float(last.steps), last.resting or last.sigma >= AT_END * sliding.end
+    if not ended:  # steps become longer where balls slow down
         usual = STEPS * size / (1.0 + size / CROWD) * (COARSE / sliding.tolerance) ** FINER
-        steps = max(steps, min(usual, steps * sliding.end / path.sigma))
-    later = 1.0 if path.ended else 1.0 + LATER * min(size / TOUCHING, 1.0)
-    step = later * path.seconds / max(path.steps, 1)
+        steps = max(steps, min(usual, steps * sliding.end / last.sigma))
+    later = 1.0 if ended else 1.0 + LATER * min(size / TOUCHING, 1.0)
+    step = later * seconds / max(last.steps, 1)
     if direct:
         step = _direct(scene, problem, solution) if steps else 0.0
     paths = sliding.ensemble + (0.0 if size > IN_ONE_FILE else COMPARED * COARSER**-FINER)
@@ -96,7 +86,7 @@ def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -
     cost = {"seconds": alone, "memory_bytes": MEMORY}
     if table is not None:
         cost = table | {"processor_seconds": alone, "seconds": alone - parts["table"] + table["seconds"]}
-    counted = {"runs": len(missing), "paths": sliding.ensemble, "steps": steps, "steps_counted": path.ended}
+    counted = {"runs": len(missing), "paths": sliding.ensemble, "steps": steps, "steps_counted": ended}
     return {**counted, "parts": parts, **as_command(cost, OVERHEAD if table is None else COMMAND_SECONDS)}
 
 
@@ -142,7 +132,7 @@ def _by_linear_model(missing: list[Problem], scene: Scene) -> float:
     return result.solved.seconds * states / one.size
 
 
-def _path(scene: Scene, problem: Problem) -> Followed:
+def _path(scene: Scene, problem: Problem) -> tuple[Moment, float]:
     """Follow the first path by point loads, until the patience ends."""
     depths = np.array(DEPTHS) * max(problem.load.values)
 
@@ -157,12 +147,12 @@ def _direct(scene: Scene, problem: Problem, solution: float) -> float:
     """Return the time [s] of a step by the full model."""
     if problem.size > IN_ONE_FILE:
         return EVALUATIONS * WARM * solution
-    path = _followed(scene, problem, DirectForces(problem, scene.tangential_force or DIRECT_ACCURACY))
-    return path.seconds / max(path.steps, 1)
+    last, seconds = _followed(scene, problem, DirectForces(problem, scene.tangential_force or DIRECT_ACCURACY))
+    return seconds / max(last.steps, 1)
 
 
-def _followed(scene: Scene, problem: Problem, forces: Forces) -> Followed:
-    """Follow the first path by ``forces`` until the patience ends; the time of the first state does not count."""
+def _followed(scene: Scene, problem: Problem, forces: Forces) -> tuple[Moment, float]:
+    """Follow the first path until the patience ends; return the last moment and the time [s] since the first."""
     sliding, balls = scene.reciprocation, balls_of(scene)
     assert sliding is not None
     drift = Drift(forces, balls, balls.tolerance, sliding.rest)
@@ -172,5 +162,5 @@ def _followed(scene: Scene, problem: Problem, forces: Forces) -> Followed:
     for moment in moments:
         spent = time.process_time() - begun
         if spent > PATIENCE and not moment.resting:
-            return Followed(moment.steps, spent, moment.sigma, ended=False)
-    return Followed(moment.steps, spent, sliding.end, ended=True)
+            break
+    return moment, spent

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -36,9 +37,13 @@ def scene(folder: Path, accuracy: str) -> Scene:
     return read_scene(path)
 
 
-def paths_of(drift: Scene, followed: expectation.Followed, monkeypatch: pytest.MonkeyPatch) -> float:
-    """Return the planned time [s] of all paths, of one of which ``followed`` is known."""
-    monkeypatch.setattr(expectation, "_path", lambda *_: followed)
+def followed(steps: int, seconds: float, sigma: float, *, ended: bool) -> tuple[SimpleNamespace, float]:
+    return SimpleNamespace(steps=steps, sigma=sigma, resting=ended), seconds
+
+
+def paths_of(drift: Scene, known: tuple[SimpleNamespace, float], monkeypatch: pytest.MonkeyPatch) -> float:
+    """Return the planned time [s] of all paths, of one of which the beginning is ``known``."""
+    monkeypatch.setattr(expectation, "_path", lambda *_: known)
     monkeypatch.setattr(expectation, "_missing", lambda *_: [])
     return float(expectation.expectation(drift, MODELS["point_load"], drift.problem, 0.0)["parts"]["paths"])
 
@@ -48,10 +53,10 @@ def test_a_path_that_is_followed_for_a_while_bounds_the_steps(monkeypatch: pytes
     assert drift.reciprocation is not None
     end, both = drift.reciprocation.end, 1.0 + COARSER
     for steps, share, expected in ((20, 0.5, 40.0), (20, 1e-9, 198.0 / 1.06), (400, 1e-9, 400.0)):
-        partly = expectation.Followed(steps, 1.0 * steps, share * end, ended=False)
+        partly = followed(steps, 1.0 * steps, share * end, ended=False)
         later = 1.0 + 36 / expectation.TOUCHING
         assert paths_of(drift, partly, monkeypatch) == pytest.approx(expected * later * both)
-    whole = expectation.Followed(50, 5.0, end, ended=True)
+    whole = followed(50, 5.0, end, ended=True)
     assert paths_of(drift, whole, monkeypatch) == pytest.approx(5.0 * both)
 
 
@@ -60,9 +65,9 @@ def test_direct_forces_are_planned_with_the_search_for_an_equilibrium(monkeypatc
     assert given.reciprocation is not None
     drift = {**given.drift, "reciprocation": given.reciprocation.model_copy(update={"forces": "direct"})}
     model, direct = MODELS["linear_bem"], dataclasses.replace(given, drift=drift)
-    path = expectation.Followed(10, 1e-3, given.reciprocation.end, ended=True)
+    path = followed(10, 1e-3, given.reciprocation.end, ended=True)
     monkeypatch.setattr(expectation, "_path", lambda *_: path)
-    timed = expectation.Followed(6, 3.0, 0.1 * path.sigma, ended=False)
+    timed = followed(6, 3.0, 0.1 * path[0].sigma, ended=False)
     monkeypatch.setattr(expectation, "_followed", lambda *_: timed)
     parts = expectation.expectation(direct, model, direct.problem, 10.0)["parts"]
     assert parts["table"] == 0.0
@@ -121,7 +126,7 @@ def test_the_drift_takes_longer_for_a_finer_path_and_for_more_paths(
     asked = dataclasses.replace(given, drift={**given.drift, "reciprocation": more})
     assert given.reciprocation.tolerance == 1e-6
     assert given.reciprocation.ensemble == 1
-    partly = expectation.Followed(1, 1.0, 1e-12, ended=False)
+    partly = followed(1, 1.0, 1e-12, ended=False)
     here, there = paths_of(asked, partly, monkeypatch), paths_of(given, partly, monkeypatch)
     assert here == pytest.approx(times * there)
 
@@ -176,7 +181,7 @@ def test_pictures_take_as_much_longer_as_the_machine_is_slower(monkeypatch: pyte
     parts = []
     for factor in (1.0, 2.5):
         monkeypatch.setattr(expectation, "slowness", lambda factor=factor: factor)
-        monkeypatch.setattr(expectation, "_path", lambda *_: expectation.Followed(0, 0.0, 1.0, ended=True))
+        monkeypatch.setattr(expectation, "_path", lambda *_: followed(0, 0.0, 1.0, ended=True))
         monkeypatch.setattr(expectation, "_missing", lambda *_: [])
         parts.append(expectation.expectation(drift, MODELS["point_load"], drift.problem, 0.0)["parts"]["pictures"])
     assert parts[1] == pytest.approx(2.5 * parts[0])
