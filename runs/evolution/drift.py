@@ -68,17 +68,6 @@ class _Neighbours:
     first: float
 
 
-@dataclass(frozen=True)
-class _Trial:
-    """A step tried: its end, the state there, and its errors over the tolerance, smooth and by new contacts."""
-
-    after: Array
-    state: State
-    smooth: float
-    landing: float
-    landed: bool
-
-
 class Drift:
     """Balls under ``forces``; ``tolerance`` [m] bounds the error of one step.
 
@@ -138,24 +127,24 @@ class Drift:
         limit = min(wish, end - now.sigma)
         step = min(limit, max(near.first + spare, least))
         for _ in range(200):
-            trial = self._tried(now, velocity, near, step)
-            if max(trial.smooth, trial.landing) <= 1.0 or step <= least:
+            after, state, smooth, landing, landed = self._tried(now, velocity, near, step)
+            if max(smooth, landing) <= 1.0 or step <= least:
                 break
-            if trial.landing > trial.smooth:
+            if landing > smooth:
                 beyond = max(step - near.first, 0.0)
                 order = 1.0 if near.first > 0.5 * step else 0.5
-                spare = beyond * max(0.05, 0.8 * trial.landing**-order)
+                spare = beyond * max(0.05, 0.8 * landing**-order)
                 shorter = min(near.first, step) + spare if near.first < step else 0.3 * step
             else:
-                shorter = step * max(0.2, 0.9 * trial.smooth ** (-1.0 / 3.0))
+                shorter = step * max(0.2, 0.9 * smooth ** (-1.0 / 3.0))
             step = max(min(shorter, 0.95 * step), least)
         else:
             raise NotConverged(f"drift: no step from sigma = {now.sigma:.6g} m was accepted, last tried {step:.1e} m")
-        if trial.landed and near.first < step:
-            spare = (step - near.first) * min(3.0, 0.8 / max(trial.landing, 1e-6))
-        x = self.balls.parted(trial.after, now.state.normal, near.which)
-        state = trial.state if x is trial.after else self.forces(x)
-        grown = step * min(5.0, 0.9 * max(trial.smooth, 1e-6) ** (-1.0 / 3.0))
+        if landed and near.first < step:
+            spare = (step - near.first) * min(3.0, 0.8 / max(landing, 1e-6))
+        x = self.balls.parted(after, now.state.normal, near.which)
+        state = state if x is after else self.forces(x)
+        grown = step * min(5.0, 0.9 * max(smooth, 1e-6) ** (-1.0 / 3.0))
         following = min(max(grown, 0.3 * wish) if step < wish else grown, 5.0 * wish)
         return step, x, state, following, max(spare, 0.01 * self.tolerance / max(now.speed, self.rest))
 
@@ -169,8 +158,13 @@ class Drift:
         first = float(np.min(gaps[closing] / -rate[closing], initial=np.inf))
         return _Neighbours(which, np.maximum(gaps, 0.0), still, first)
 
-    def _tried(self, now: Moment, velocity: Array, near: _Neighbours, step: float) -> _Trial:
-        """Return the result of a step of Bogacki and Shampine's pair under the conditions on the gaps."""
+    def _tried(
+        self, now: Moment, velocity: Array, near: _Neighbours, step: float
+    ) -> tuple[Array, State, float, float, bool]:
+        """Return the end of a step of Bogacki and Shampine's pair under the conditions on the gaps, and its state.
+
+        Then its errors over the tolerance, smooth and by new contacts, and whether there are any.
+        """
         opening = -near.gaps / step
         x = now.positions
         scale = PUSHING * float(np.max(np.abs(now.state.tangential), initial=0.0))
@@ -200,4 +194,4 @@ class Drift:
             balls = self.balls.pairs(near.which[pushed])
             late = 0.5 * max(step - near.first, 0.0) * float(np.max(change[balls]))
             landing = max(late, float(np.max(gaps[pushed])))
-        return _Trial(after, state, smooth / self.tolerance, landing / self.tolerance, bool(np.any(pushed)))
+        return after, state, smooth / self.tolerance, landing / self.tolerance, bool(np.any(pushed))
