@@ -67,20 +67,19 @@ def draw_top_views(
     folder: Path,
     document: Document,
     balls: HardBalls,
-    radii: Sequence[float],
     direction: Sequence[float],
     length: Unit,
     stem: str = "top_views",
 ) -> None:
     """Write STEM.png and .svg: six configurations from above, balls in touch joined, T as arrows."""
     path = document["path"]
-    cycles, seen = chosen_cycles(path, 6, balls), window(np.array([m["positions"] for m in path]), radii)
+    cycles, seen = chosen_cycles(path, 6, balls), window(np.array([m["positions"] for m in path]), balls.radii)
     figure, axes = grid(len(cycles), *_size(seen, 2.0))
     largest = max(float(np.max(np.hypot(*np.array(m["tangential_force"]).T))) for m in path)
-    force = 1.6 * min(radii) / largest if largest > 0.0 else 0.0  # metres of arrow per newton
+    force = 1.6 * min(balls.radii) / largest if largest > 0.0 else 0.0  # metres of arrow per newton
     for axis, cycle in zip(axes, cycles, strict=True):
         nearest = min(path, key=lambda m: abs(m["cycle"] - cycle))
-        _draw_balls(axis, np.array(nearest["positions"]), radii, length, nearest, force)
+        _draw_balls(axis, np.array(nearest["positions"]), balls, length, nearest, force)
         set_window(axis, seen, length)
         axis.set_title(f"{nearest['cycle']:.3g} cycles")
     _draw_direction(axes[0], direction)
@@ -147,7 +146,7 @@ def draw_distances(folder: Path, document: Document, balls: HardBalls, length: U
 
 @look()
 def draw_animation(
-    folder: Path, document: Document, radii: Sequence[float], direction: Sequence[float], length: Unit
+    folder: Path, document: Document, balls: HardBalls, direction: Sequence[float], length: Unit
 ) -> None:
     """Write evolution.gif: the path in equal steps of cycles."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
@@ -157,15 +156,15 @@ def draw_animation(
     digits = max(0, 1 - math.floor(math.log10(max(last, 1e-9))))
     cycles = np.linspace(0.0, last, FRAMES)
     known = np.array([m["positions"] for m in path])
-    x, seen = positions_at(cycles, np.array([m["cycle"] for m in path]), known), window(known, radii)
+    x, seen = positions_at(cycles, np.array([m["cycle"] for m in path]), known), window(known, balls.radii)
     figure = blank(*_size(seen, 3.6))
     figure.set_dpi(80)
     canvas, axis = FigureCanvasAgg(figure), figure.subplots()
     set_window(axis, seen, length)
     _draw_direction(axis, direction)
-    _draw_balls(axis, x[0], radii, length)
+    _draw_balls(axis, x[0], balls, length)
     title = axis.set_title(" ", fontsize=9)
-    circles, numbers = list(axis.patches), axis.texts[-len(radii) :]
+    circles, numbers = list(axis.patches), axis.texts[-len(balls.radii) :]
     moving = [*circles, *numbers, title]
     for artist in moving:
         artist.set_animated(True)
@@ -184,28 +183,28 @@ def draw_animation(
 
 
 @look()
-def draw_ensemble(folder: Path, document: Document, radii: Sequence[float], length: Unit) -> None:
+def draw_ensemble(folder: Path, document: Document, balls: HardBalls, length: Unit) -> None:
     """Write ensemble.png and .svg: how the first nine members ended; nothing for a single run."""
     members = document["ensemble"][:9]
     if len(members) < 2:
         return
     ends = np.array([member["positions"] for member in members])
-    seen = window(ends, radii)
+    seen = window(ends, balls.radii)
     figure, axes = grid(len(members), *_size(seen, 2.3))
     for axis, member, end in zip(axes, members, ends, strict=True):
-        _draw_balls(axis, end, radii, length)
+        _draw_balls(axis, end, balls, length)
         set_window(axis, seen, length)
         axis.set_title(f"seed {member['seed']}: {member['contacts']} contacts", fontsize=8.5)
     save_figure(figure, folder, "ensemble")
 
 
 def _draw_balls(
-    axis: Any, x: Array, radii: Sequence[float], length: Unit, moment: Mapping[str, Any] | None = None,
+    axis: Any, x: Array, balls: HardBalls, length: Unit, moment: Mapping[str, Any] | None = None,
     force: float = 0.0,
 ) -> None:  # fmt: skip
     from matplotlib.patches import Circle  # noqa: PLC0415
 
-    x, radii, force = x / length.size, [radius / length.size for radius in radii], force / length.size
+    x, radii, force = x / length.size, balls.radii / length.size, force / length.size
     force_at = np.zeros(x.shape) if moment is None else force * np.array(moment["tangential_force"])
     long = np.hypot(*force_at.T) > 0.08 * min(radii)
     for number, (place, radius) in enumerate(zip(x, radii, strict=True)):
@@ -238,7 +237,7 @@ def _draw_direction(axis: Any, direction: Sequence[float]) -> None:
     )  # fmt: skip
 
 
-def window(x: Array, radii: Sequence[float] | Array) -> Array:
+def window(x: Array, radii: Array) -> Array:
     """Return the lowest and highest x, y of a picture of balls (..., 2) [m], at least a third as high as wide."""
     margin = 1.35 * max(radii)
     low, high = x.reshape(-1, 2).min(axis=0) - margin, x.reshape(-1, 2).max(axis=0) + margin

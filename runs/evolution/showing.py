@@ -30,16 +30,15 @@ def draw(
 ) -> None:
     """Write every picture of the run; ``layer`` holds the rows of `runs.evolution.structure`, if any."""
     assert session.scene.reciprocation is not None
-    folder, direction = session.out, session.scene.reciprocation.direction
-    radii, length = [ball.radius for ball in session.problem.balls], session.scale.units.length
+    folder, direction, length = session.out, session.scene.reciprocation.direction, session.scale.units.length
     if layer:
         layer_pictures.draw_top_views(folder, moments, balls, session.scene.reciprocation.cycles_after, length)
         layer_pictures.draw_structure(folder, layer)
         return
-    drawing.draw_top_views(folder, document, balls, radii, direction, length)
+    drawing.draw_top_views(folder, document, balls, direction, length)
     drawing.draw_distances(folder, document, balls, length)
-    drawing.draw_animation(folder, document, radii, direction, length)
-    drawing.draw_ensemble(folder, document, radii, length)
+    drawing.draw_animation(folder, document, balls, direction, length)
+    drawing.draw_ensemble(folder, document, balls, length)
 
 
 def show(session: Session, document: Document) -> None:

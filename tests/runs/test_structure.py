@@ -140,7 +140,7 @@ def test_a_path_at_rest_and_one_along_y_have_whole_pictures(
     x = np.array([[0.0, 5.0 * k] for k in range(5)])
     places = [{"positions": (1.0 + 0.1 * t) * x, "tangential_force": 0.0 * x, "contacts": [], "cycle": t} for t in path]
     balls = HardBalls(np.ones(len(x)))
-    drawing.draw_top_views(tmp_path, {"path": places}, balls, balls.radii.tolist(), (0.0, 1.0), Unit("m", 1.0))
+    drawing.draw_top_views(tmp_path, {"path": places}, balls, (0.0, 1.0), Unit("m", 1.0))
     drawing.draw_distances(tmp_path, {"path": places}, balls, Unit("m", 1.0))
     crowd = [{"positions": triangular(8, 8, 2.5)[0], "contacts": [], "cycle": t} for t in path]
     drawing.draw_distances(tmp_path, {"path": crowd}, HardBalls(np.ones(64)), Unit("m", 1.0))

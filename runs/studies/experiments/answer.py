@@ -176,9 +176,8 @@ def draw_gathering(folder: Path, found: Mapping[str, Documents]) -> None:
     case = next(case for case in CASES if case.name == SIXES[0])
     document = found["linear_bem"].get(case.name)
     if document is not None:
-        problem = case.read(quick=True).problem
-        radii = [ball.radius for ball in problem.balls]
-        draw_top_views(folder, document, HardBalls.of(problem), radii, (1.0, 0.0), Unit("mm", 1e-3), "gathering")
+        balls = HardBalls.of(case.read(quick=True).problem)
+        draw_top_views(folder, document, balls, (1.0, 0.0), Unit("mm", 1e-3), "gathering")
 
 
 def _draw_pairs(axis: Any, documents: Documents, model: str) -> None:
