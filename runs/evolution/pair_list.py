@@ -150,22 +150,19 @@ class PairList:
     def _list(self, x: Array) -> tuple[Indices, Indices, Array]:
         radius = self.reach + self._skin
         if self.cell is None:
-            return self._open(x, radius)
-        from linear_bem.layer.cell import Cell  # noqa: PLC0415  (only where balls repeat)
+            tree = cKDTree(x)
+            _refuse_more_than(0.5 * float(tree.count_neighbors(tree, radius)))
+            first, second = tree.query_pairs(radius, output_type="ndarray").T
+            shift = np.zeros((len(first), 2))
+        else:
+            from linear_bem.layer.cell import Cell  # noqa: PLC0415  (only where balls repeat)
 
-        _refuse_more_than(float(len(x) ** 2 * np.pi * radius**2 / np.prod(self.cell) / 2.0))
-        first, second, shift = Cell(self.cell, 0.0).pairs(x, radius)
+            _refuse_more_than(float(len(x) ** 2 * np.pi * radius**2 / np.prod(self.cell) / 2.0))
+            first, second, shift = Cell(self.cell, 0.0).pairs(x, radius)
         shift[first > second] *= -1.0
         first, second = np.minimum(first, second), np.maximum(first, second)
         order = np.lexsort((*shift.T[::-1], second, first))
         return first[order], second[order], shift[order]
-
-    def _open(self, x: Array, radius: float) -> tuple[Indices, Indices, Array]:
-        tree, count = cKDTree(x), len(x)
-        _refuse_more_than(0.5 * float(tree.count_neighbors(tree, radius)))
-        pairs = tree.query_pairs(radius, output_type="ndarray")
-        first, second = np.divmod(np.sort(pairs.min(axis=1) * count + pairs.max(axis=1)), count)
-        return first, second, np.zeros((len(first), 2))
 
 
 def images(x: Array, cell: Array) -> Array:
