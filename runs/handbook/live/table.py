@@ -143,9 +143,16 @@ def reference(poisson: float, distance: float, normal: float) -> float:
 def compute() -> LiveTable:
     """Return the table with its errors; parts that are complete are read from `CACHE`."""
     CACHE.mkdir(parents=True, exist_ok=True)
+    axes = {"poisson": POISSON, "distance": DISTANCE, "depth": DEPTH, "around": AROUND, "reach": REACH}
     fine = [[point_ratio(nu, reach) for reach in REACH.nodes()] for nu in FINE_POISSON.nodes()]
-    table = LiveTable({"point_ratio": _rounded(fine), "patches": [_patch(axis) for axis in THICKNESS]})
-    return with_errors(LiveTable({**_axes(), **table.data}))
+    data = {
+        "axes": {name: vars(axis) for name, axis in {**axes, "fine_poisson": FINE_POISSON}.items()},
+        "thickness": [vars(axis) for axis in THICKNESS],
+        "deepest": [DEEPEST, DEEPEST_SHARE],
+        "point_ratio": _rounded(fine),
+        "patches": [_patch(axis) for axis in THICKNESS],
+    }
+    return with_errors(LiveTable(data))
 
 
 def with_errors(table: LiveTable) -> LiveTable:
@@ -179,13 +186,12 @@ def random_points(count: int, seed: int = SEED) -> Iterator[Point]:
 def errors(points: Sequence[Point], off: Sequence[Array]) -> list[dict[str, Any]]:
     """Return the largest and the median of the differences ``off`` at ``points``, for each part of the table."""
     parts = [np.array([each for at, each in zip(points, off, strict=True) if (at[1] > BREAK) == p]) for p in (0, 1)]
-    names = ("tangential", "normal", "section")
+
+    def named(values: Array) -> dict[str, float]:
+        return dict(zip(("tangential", "normal", "section"), _rounded(values), strict=True))
+
     return [
-        {
-            "points": len(part),
-            "largest": dict(zip(names, _rounded(np.max(part, axis=0)), strict=True)),
-            "median": dict(zip(names, _rounded(np.median(part, axis=0)), strict=True)),
-        }
+        {"points": len(part), "largest": named(np.max(part, axis=0)), "median": named(np.median(part, axis=0))}
         for part in parts
     ]
 
@@ -257,15 +263,6 @@ def _of_depth(poisson: float, thickness: float, share: float) -> dict[str, Any]:
     found = {"normal": normal, "remainder": remainder, "radius": radius, "around": around.tolist()}
     file.write_text(json.dumps(found))
     return found
-
-
-def _axes() -> dict[str, Any]:
-    axes = {"poisson": POISSON, "distance": DISTANCE, "depth": DEPTH, "around": AROUND, "reach": REACH}
-    return {
-        "axes": {name: vars(axis) for name, axis in {**axes, "fine_poisson": FINE_POISSON}.items()},
-        "thickness": [vars(axis) for axis in THICKNESS],
-        "deepest": [DEEPEST, DEEPEST_SHARE],
-    }
 
 
 def _rounded(values: Any) -> Any:
