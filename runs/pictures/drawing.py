@@ -242,7 +242,6 @@ def _set_lights(plotter: Any, camera: Camera) -> None:
         light = pyvista.Light(
             position=camera.centre + direction, focal_point=camera.centre, intensity=strength, light_type="scene light"
         )
-        light.positional = False
         if number > 0:
             light.specular_color = "black"  # one highlight on a ball is enough
         plotter.add_light(light)
