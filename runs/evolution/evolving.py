@@ -100,6 +100,7 @@ class Evolution:
         self.balls = balls_of(session.scene)
         self._arrangements: list[Document] = []
         self._nominal = self.problem.positions
+        self._is_layer = self.balls.many or self.balls.cell is not None  # the structure of all balls is recorded
         self.end = self.sliding.end
 
     def complete(self, *, pictures: bool = True) -> Document | None:
@@ -191,11 +192,6 @@ class Evolution:
     @property
     def _folder(self) -> Path:
         return self.session.out / PATH
-
-    @property
-    def _is_layer(self) -> bool:
-        """Whether the structure of all balls is recorded: for many balls, and in a periodic cell."""
-        return self.balls.many or self.balls.cell is not None
 
     def _write_structure(self, moments: Sequence[Moment]) -> None:
         """Write the arrangement of three or more balls at every kept moment; only new moments are computed."""

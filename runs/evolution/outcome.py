@@ -83,13 +83,10 @@ def results(
         if balls.cell is None and balls.rolling == 0.0:
             once("equilibrium", "the equilibrium next to the end", balanced)
     return {
+        **{key: found.get(key) for key in KEYS if key != "balls"},
         "rest": rest(moments[-1]),
-        "position_error": found.get("position_error"),
-        "equilibrium": found.get("equilibrium"),
-        "pair_equilibria": found.get("pair_equilibria"),
         "momentum": momentum(moments),
         "pair_table": source.table,
-        "direct_check": found.get("direct_check"),
         "cut_error": forces.cut_error(begin) if isinstance(forces, PairForces) else None,
     }
 
