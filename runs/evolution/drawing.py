@@ -45,15 +45,13 @@ def chosen_cycles(path: Sequence[Mapping[str, Any]], count: int, balls: HardBall
     if moved[-1] == 0.0:
         return [float(cycle[0])]
     sizes = [sorted(len(group) for group in balls.groups(place)) for place in x]
+    changed = [k for k in range(1, len(path)) if sizes[k] != sizes[k - 1] and moved[k] < (1.0 - ALIKE) * moved[-1]]
     formed = [0.0]
-    for k in range(1, len(path)):
-        apart = moved[k] - formed[-1] > ALIKE * moved[-1]
-        if sizes[k] == sizes[k - 1] or moved[k] >= (1.0 - ALIKE) * moved[-1]:
-            continue
-        if apart:
-            formed.append(float(moved[k]))
+    for at in moved[changed].tolist():
+        if at - formed[-1] > ALIKE * moved[-1]:
+            formed.append(at)
         elif len(formed) > 1:  # groups that form almost at once count as one event
-            formed[-1] = float(moved[k])
+            formed[-1] = at
     wanted = [*(formed if len(formed) < count else formed[:1]), float(moved[-1])]
     while len(wanted) < count:
         widest = int(np.argmax(np.diff(wanted)))
