@@ -77,15 +77,13 @@ class PairState:
 class Additivity:
     """Three or four balls: the largest T and its error [N], and the errors of simpler laws relative to that T.
 
-    ``coupled``: T by the coupled pairs of `runs.evolution.pair_forces`; ``coupled_load``: the same of Q, over Q;
-    ``bare_sum``: T by the sum of pair forces.
+    ``coupled``: T by the coupled pairs of `runs.evolution.pair_forces`; ``bare_sum``: T by the sum of pair forces.
     """
 
     arrangement: str
     tangential_force: float
     tangential_force_error: float
     coupled: float
-    coupled_load: float
     bare_sum: float
     seconds: float
 
@@ -245,13 +243,11 @@ class PairTable:
         true = np.array([ball.tangential_force for ball in balls])
         largest = float(np.max(np.hypot(*true.T)))
         coupled = PairForces(problem, [self.single()] * len(balls), self.law())(positions)
-        load = np.array([ball.normal_force for ball in balls])
         return Additivity(
             name,
             tangential_force=largest,
             tangential_force_error=max(ball.tangential_force_error for ball in balls),
             coupled=float(np.max(np.hypot(*(coupled.tangential - true).T))) / largest,
-            coupled_load=float(np.max(np.abs(coupled.normal - load) / load)),
             bare_sum=float(np.max(np.hypot(*(self._bare_sum(positions) - true).T))) / largest,
             seconds=time.perf_counter() - begun,
         )

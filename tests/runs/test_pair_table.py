@@ -117,7 +117,7 @@ def written_table(folder: Path) -> pair_table.PairTable:
     pairs = [pair_table.PairState(at, 0.05, pull, 1e-5, 0.0) for at, pull in PULLS.items()]
     depths = (0.02, 0.05, 0.09, 0.105)
     single = pair_table.SingleStates(depths, tuple(2.0 * d**1.5 for d in depths), 0.0)
-    adding = pair_table.Additivity("three in a line", 1e-4, 1e-6, 0.01, 0.01, 0.1, 0.0)
+    adding = pair_table.Additivity("three in a line", 1e-4, 1e-6, 0.01, 0.1, 0.0)
     table.states = pair_table.States(single, pairs, [adding])
     return table
 
