@@ -148,8 +148,7 @@ def find(
             continue
         n, m = x.size, len(held)
         still = np.vstack([jacobian, rigid.T])
-        above = np.hstack([tangent, jacobian.T])
-        matrix = np.vstack([above, np.hstack([still, np.zeros((len(still), m))])])
+        matrix = np.block([[tangent, jacobian.T], [still, np.zeros((len(still), m))]])
         # scaled: forces by load, lengths by the touching distance
         weight = np.concatenate([np.full(n, 1.0 / float(np.max(state.normal))), np.full(len(still), 1.0 / touch)])
         right = -np.concatenate([balance, np.zeros(len(still))])
@@ -200,12 +199,11 @@ def _holding(balls: HardBalls, x: Array, force: Array, load: Array, contacts: Pa
     jacobian = balls.jacobian(x, contacts).toarray()
     size = float(np.max(np.abs(force)))
     # largest t with all pushes at least t, in balance within a thousandth of the largest force
-    columns = np.hstack([jacobian.T, np.zeros((x.size, 1))])
-    above = np.hstack([-np.eye(len(contacts)), np.ones((len(contacts), 1))])
+    none, above = np.zeros((x.size, 1)), np.ones((len(contacts), 1))
     right = -force.ravel() / size
     found = linprog(
         np.append(np.zeros(len(contacts)), -1.0),
-        A_ub=np.vstack([columns, -columns, above]),
+        A_ub=np.block([[jacobian.T, none], [-jacobian.T, none], [-np.eye(len(contacts)), above]]),
         b_ub=np.concatenate([right + 1e-3, -right + 1e-3, np.zeros(len(contacts))]),
         bounds=[(0.0, None)] * len(contacts) + [(None, 1e3)],
     )
