@@ -1,4 +1,4 @@
-r"""Many smooth contacts: each ball is solved alone under fixed force; all together give forces and approaches.
+r"""Smooth contacts: each ball is solved alone under fixed force; all together give forces and approaches.
 
 Under a fixed force, neighbours act on a ball only through the tilt and curvature of the surface that they cause, which
 is a weak coupling; the coupling through its approach is strong. So each sweep computes (1) the displacement from all
@@ -25,13 +25,17 @@ from linear_bem.load_control import Groups
 from linear_bem.profiles import Height
 from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.multipole import Interaction, disc_nodes
-from linear_bem.smooth.newton import SETTLED, Nodes, Rule, SmoothSolution, stalled
+from linear_bem.smooth.newton import Nodes, Rule, SmoothSolution
 from linear_bem.smooth.own_equations import RENEWED, OwnEquations
 from linear_bem.smooth.polynomials import basis
 from linear_bem.smooth.zone import Zone
 
 SLOW, DEPTH = 0.2, 10
 """Ratio of successive changes above which sweeps are accelerated, and number of past sweeps that are combined."""
+LIMIT, STALLED = 60, 1e-3
+"""Largest number of sweeps; largest last change of an unconverged state that may start the next degree."""
+SETTLED = 1e-3
+"""Relative change of P up to which its frame is kept."""
 HOPELESS, PATIENCE = 0.03, 10
 """Sweeps stop if their change stays above the first number and is not halved by the second number of further sweeps:
 at that rate they would not converge within any limit."""
@@ -47,6 +51,7 @@ class Lost(NotConverged):
         self.kept, self.zones = kept, zones
 
 
+@np.errstate(all="ignore")  # diverging sweeps may overflow before they end
 def sweep_zones(
     kernel: LayeredKernel,
     shapes: list[Height],
@@ -54,17 +59,16 @@ def sweep_zones(
     approaches: Array,
     groups: Groups,
     tolerance: float,
-    limit: int = 60,
     pair_precision: float | None = None,
     report: Report = silent,
     apart: bool = False,
 ) -> SmoothSolution:
-    """Return the same state as `linear_bem.smooth.newton.solve_zones`, for many balls.
+    """Return the contact state, at which the complementary energy is stationary.
 
-    ``tolerance`` bounds the last change of forces, approaches and coefficients; a change that is `stalled` is returned
-    as the residual. ``pair_precision`` is that of `Interaction`, by default the tolerance; ``report`` receives a line
-    per sweep. Zones that are ``apart`` do not act on each other. Raises `Lost` if a ball loses its contact, and
-    `NotConverged`.
+    Balls in no group of ``groups`` keep their approach. ``tolerance`` bounds the last change of forces, approaches and
+    coefficients; a change that is `stalled` is returned as the residual. ``pair_precision`` is that of `Interaction`,
+    by default the tolerance; ``report`` receives a line per sweep. Zones that are ``apart`` do not act on each other.
+    Raises `Lost` if a ball loses its contact, and `NotConverged`.
     """
     rule = Rule.of(zones, kernel.thickness)
     nodes = Nodes.of(zones, rule)
@@ -89,13 +93,12 @@ def sweep_zones(
     history: list[float] = []
     sizes = np.ones(len(zones))
     shrinking = np.zeros(len(zones), dtype=int)
-    for sweep in range(limit):
+    for sweep in range(LIMIT):
         outside = np.zeros(nodes.x.shape) if interaction is None else interaction.displacement()
         outside -= images * nodes.forces[:, None]
         profile = np.array([shape(x, y) for shape, x, y in zip(shapes, nodes.x, nodes.y, strict=True)])
         step = f"degree {zones.degree}, sweep {sweep + 1}: "
-        with np.errstate(all="ignore"):  # diverging sweeps may overflow before they end
-            steps = equations.step(nodes, outside, profile, forces, sizes > RENEWED, seldom(report, step))
+        steps = equations.step(nodes, outside, profile, forces, sizes > RENEWED, seldom(report, step))
         before, found = nodes.zone, steps.approaches
         if kernel.far_ratio > 1.0:  # a step meets the wanted force to first order: the rest moves others far more there
             found = found + influence @ (forces - nodes.forces)
@@ -104,9 +107,10 @@ def sweep_zones(
         new_forces = np.maximum(forces + more, LEAST_SHARE * forces)
         # the new force must act on the others in the next sweep: with a delay it oscillates, and may diverge
         changes = steps.changes + (new_forces - forces)[:, None] * steps.responses
-        # coefficients of a high degree are far less certain than P
+        # coefficients of a high degree are far less certain than P, but a large change of P may be wrong at the edge
         sizes = np.max(np.abs(changes @ values), axis=1) / np.max(np.abs(before.coefficients @ values), axis=1)
-        length = np.minimum(1.0, 0.6 / np.maximum(sizes, 0.6))
+        growth = np.max(np.abs(changes), axis=1) / np.max(np.abs(before.coefficients), axis=1)
+        length = np.where(sizes > SETTLED, 0.6 / np.maximum(growth, 0.6), 1.0)
         zones = _moved(before, length[:, None] * changes, sizes > SETTLED)
         relative = [more / np.max(forces), (level - found) / np.max(np.abs(found)), sizes]
         last = float(np.max(np.abs(relative)))
@@ -136,9 +140,18 @@ def sweep_zones(
         if interaction is not None:
             interaction.update(nodes)
     raise NotConverged(
-        f"smooth contacts: {limit} sweeps left a change of {last:.1e}, tolerance {tolerance:.1e}; press the balls "
+        f"smooth contacts: {LIMIT} sweeps left a change of {last:.1e}, tolerance {tolerance:.1e}; press the balls "
         "less deep"
     )
+
+
+def stalled(history: list[float]) -> bool:
+    """Return whether a small change no longer shrinks.
+
+    The derivative neglects that the test functions move with the edge. The convergence rate is therefore of the size of
+    the remaining gap: a degree too low for the pressure slows the sweeps; the next degree leaves a smaller gap.
+    """
+    return len(history) > 10 and history[-1] < STALLED and history[-1] > 0.3 * max(history[-4:-1])
 
 
 def _moved(zones: Zone, change: Array, reframe: Mask) -> Zone:
@@ -195,30 +208,25 @@ class Anderson:
         self._points: list[Array] = []
         self._residuals: list[Array] = []
 
-    def next(self, point: Array, image: Array) -> Array:
-        """Return the next point from G(``point``) = ``image``."""
+    def next(self, point: Array, image: Array, scale: Array) -> Array:
+        """Return the next point from G(``point``) = ``image``; residuals over ``scale`` are combined."""
         self._points = [*self._points[-DEPTH:], point]
         self._residuals = [*self._residuals[-DEPTH:], image - point]
         if len(self._points) < 2:
             return image
         steps, changes = np.diff(self._points, axis=0), np.diff(self._residuals, axis=0)
-        weights = np.linalg.lstsq(changes.T, self._residuals[-1], rcond=1e-10)[0]
+        weights = np.linalg.lstsq((changes / scale).T, self._residuals[-1] / scale, rcond=1e-10)[0]
         return np.asarray(image - weights @ (steps + changes))
 
 
 def _mixed(mixing: Anderson, old: tuple[Zone, Array], new: tuple[Zone, Array]) -> tuple[Zone, Array]:
     """Return accelerated zones and forces; coefficients are scaled by the largest of each zone."""
-    size = np.max(np.abs(old[0].coefficients), axis=1)
-    load = float(np.max(old[1]))
-    count = len(size)
-
-    def vector(state: tuple[Zone, Array]) -> Array:
-        return np.concatenate([(state[0].coefficients / size[:, None]).ravel(), state[1] / load])
-
-    mixed = mixing.next(vector(old), vector(new))
-    coefficients = mixed[:-count].reshape(count, -1) * size[:, None]
-    forces = mixed[-count:] * load
-    if np.any(forces <= 0.0):
+    before = old[0].coefficients
+    count, terms = before.shape
+    size = np.repeat(np.max(np.abs(before), axis=1), terms)
+    point, image = (np.concatenate([zones.coefficients.ravel(), forces]) for zones, forces in (old, new))
+    mixed = mixing.next(point, image, np.concatenate([size, np.full(count, np.max(old[1]))]))
+    if np.any(mixed[-count:] <= 0.0):
         mixing.forget()
         return new
-    return replace(old[0], coefficients=coefficients), forces
+    return replace(old[0], coefficients=mixed[:-count].reshape(count, terms)), mixed[-count:]

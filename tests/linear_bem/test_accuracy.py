@@ -4,7 +4,7 @@ import pytest
 import linear_bem.grid.contacts
 from linear_bem import Ball, Elastic, Layer, Load, Periodic, Problem, solve, solve_contact
 from linear_bem.grid.contacts import GridContacts
-from linear_bem.smooth import newton
+from linear_bem.smooth import many_balls
 from linear_bem.smooth.zone import Zone
 
 CASES = {
@@ -61,7 +61,7 @@ def test_small_newton_steps_keep_their_matrix_and_give_the_same_digits(kind, mon
     problem = Problem(Layer(1.0, 0.48, 1.16), balls, Load(kind, (0.05, 0.12)), Elastic(1e3, 0.3))
     quick = solve_contact(problem, 1e-4)
     kept, renewed[:] = renewed[:], []
-    monkeypatch.setattr(newton, "SETTLED", 0.0)
+    monkeypatch.setattr(many_balls, "RENEWED", -1.0)
     full = solve_contact(problem, 1e-4)
     assert all(renewed)
     assert len(kept) == len(renewed)
@@ -72,7 +72,8 @@ def test_small_newton_steps_keep_their_matrix_and_give_the_same_digits(kind, mon
     assert quick.contacts.normal_forces == pytest.approx(size, rel=1e-9)
     assert quick.contacts.approaches == pytest.approx(full.contacts.approaches, rel=1e-9)
     for name, errors in full.errors.items():
-        assert quick.errors[name] == pytest.approx(errors, rel=0.05, abs=1e-12)
+        # the last change of the sweeps, which is part of an error near 1e-9, depends on their number
+        assert quick.errors[name] == pytest.approx(errors, rel=0.1, abs=1e-12)
 
 
 def test_more_accuracy_takes_more_unknowns():
