@@ -27,8 +27,8 @@ from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.smooth.initial_guess import Guess, Start, solve_smooth
 from linear_bem.smooth.many_balls import Lost, sweep_zones
-from linear_bem.smooth.multipole import disc_nodes, interpolation
 from linear_bem.smooth.newton import Nodes
+from linear_bem.smooth.polynomials import disc_nodes, interpolation
 from linear_bem.solution import Estimated, is_certified, require_certified
 
 SAMPLE = ", sample: "

@@ -18,8 +18,8 @@ from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
 from linear_bem.problem import Problem
 from linear_bem.profiles import gradient, height
-from linear_bem.smooth.multipole import disc_nodes, interpolation
 from linear_bem.smooth.newton import Nodes, Rule, own_displacement, solve_grouped
+from linear_bem.smooth.polynomials import disc_nodes, interpolation
 from linear_bem.smooth.zone import Zone
 
 NEAR_DEGREE, FAR_DEGREE = 10, 6

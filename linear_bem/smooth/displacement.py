@@ -10,16 +10,9 @@ from linear_bem.arrays import Array, Indices, hypotenuse
 from linear_bem.far_field.pairs_and_mesh import AROUND, cell_split
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.report import Report, silent
-from linear_bem.smooth.multipole import (
-    DEGREES,
-    Interaction,
-    disc_nodes,
-    equivalent_loads,
-    interpolation,
-    point_displacement,
-)
+from linear_bem.smooth.multipole import DEGREES, Interaction, equivalent_loads, point_displacement
 from linear_bem.smooth.newton import Nodes, Rule
-from linear_bem.smooth.polynomials import basis
+from linear_bem.smooth.polynomials import basis, disc_nodes, interpolation
 from linear_bem.smooth.zone import Zone
 
 FEW = 6

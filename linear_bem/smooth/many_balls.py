@@ -24,10 +24,10 @@ from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
 from linear_bem.profiles import Height
 from linear_bem.report import Report, seldom, silent
-from linear_bem.smooth.multipole import Interaction, disc_nodes
+from linear_bem.smooth.multipole import Interaction
 from linear_bem.smooth.newton import Nodes, Rule, SmoothSolution
 from linear_bem.smooth.own_equations import RENEWED, OwnEquations
-from linear_bem.smooth.polynomials import basis
+from linear_bem.smooth.polynomials import basis, disc_nodes
 from linear_bem.smooth.zone import Zone
 
 SLOW, DEPTH = 0.2, 10

@@ -6,13 +6,11 @@ displacement caused from outside is the polynomial through its values at the sam
 costs m x m kernel values instead of (quadrature points)^2. The nearest source is z = (L - a)/a radii away from
 the centre, and interpolation on nodes that are dense at the edge, like Chebyshev's, neglects terms of order
 (z + sqrt(z^2 - 1))^-(degree + 1). Each pair uses the lowest degree that meets the requested precision; pairs too
-close for any degree use the quadrature points themselves. Nodes on concentric circles of 1, 5, 9, ... points
-determine polynomials of even degree uniquely [Bos 1991, J. Approx. Theory 64, 271]. Far pairs act through the mesh of
-`linear_bem.far_field`, all by the lowest degree that suffices beyond its cut-off.
+close for any degree use the quadrature points themselves. Far pairs act through the mesh of `linear_bem.far_field`, all
+by the lowest degree that suffices beyond its cut-off.
 """
 
 from collections.abc import Callable, Iterator
-from functools import lru_cache
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -22,7 +20,7 @@ from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.report import Report, silent
 from linear_bem.smooth.newton import Nodes
-from linear_bem.smooth.polynomials import basis
+from linear_bem.smooth.polynomials import basis, disc_nodes
 from linear_bem.smooth.zone import CACHED
 
 Radial = Callable[[Array], Array]
@@ -34,24 +32,6 @@ FULL = len(DEGREES)
 """Index beyond `DEGREES` that stands for the quadrature points themselves."""
 OF_MESH = 6
 """Highest degree through the mesh, which applies to all contacts and all near pairs."""
-
-
-@lru_cache(maxsize=16)
-def disc_nodes(degree: int) -> tuple[Array, Array, Array]:
-    """Return interpolation nodes of the unit disc and the matrix from values there to basis coefficients."""
-    xi, eta = [np.zeros(1)], [np.zeros(1)]
-    for ring in range(1, degree // 2 + 1):
-        angle = 2.0 * np.pi * np.arange(4 * ring + 1) / (4 * ring + 1)
-        radius = np.sin(np.pi * ring / (degree + 1))
-        xi.append(radius * np.cos(angle))
-        eta.append(radius * np.sin(angle))
-    x, y = np.concatenate(xi), np.concatenate(eta)
-    return x, y, np.linalg.inv(basis(x, y, degree).T)
-
-
-def interpolation(xi: Array, eta: Array, degree: int) -> Array:
-    """Return the matrix from values at `disc_nodes` to values at frame points, shape (..., points, nodes)."""
-    return np.asarray(np.moveaxis(basis(xi, eta, degree), 0, -1) @ disc_nodes(degree)[2])
 
 
 def point_displacement(kernel: LayeredKernel, x: Array, y: Array, at_x: Array, at_y: Array, loads: Array) -> Array:

@@ -12,9 +12,9 @@ import numpy as np
 from linear_bem.arrays import Array, Mask, hypotenuse
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.report import Report, silent
-from linear_bem.smooth.multipole import SAFETY, disc_nodes
+from linear_bem.smooth.multipole import SAFETY
 from linear_bem.smooth.newton import Nodes, Rule, solve_scaled
-from linear_bem.smooth.polynomials import basis
+from linear_bem.smooth.polynomials import basis, disc_nodes
 
 RENEWED = 0.02
 """Relative change of P in one sweep above which a ball's matrix is recomputed."""

@@ -1,4 +1,4 @@
-"""Polynomials of two variables on the unit disc: basis, values, and points to fit them."""
+"""Polynomials of two variables on the unit disc: basis, values, and interpolation."""
 
 from functools import lru_cache
 from itertools import accumulate
@@ -38,14 +38,26 @@ def basis(xi: Array, eta: Array, degree: int) -> Array:
     return out
 
 
-@lru_cache(maxsize=32)
-def fit_nodes(degree: int) -> tuple[Array, Array, Array]:
-    """Return points of the unit disc and the matrix that fits a polynomial through values there."""
-    rings = degree // 2 + 2
-    radius = np.repeat(np.cos((np.arange(rings) + 0.5) * np.pi / (2 * rings)), 2 * degree + 4)
-    angle = np.tile((np.arange(2 * degree + 4) + 0.5) * 2.0 * np.pi / (2 * degree + 4), rings)
-    xi, eta = radius * np.cos(angle), radius * np.sin(angle)
-    return xi, eta, np.linalg.pinv(basis(xi, eta, degree).T)
+@lru_cache(maxsize=16)
+def disc_nodes(degree: int) -> tuple[Array, Array, Array]:
+    """Return interpolation nodes of the unit disc and the matrix from values there to basis coefficients.
+
+    Nodes on concentric circles of 1, 5, 9, ... points determine polynomials of even degree uniquely [Bos 1991,
+    J. Approx. Theory 64, 271].
+    """
+    xi, eta = [np.zeros(1)], [np.zeros(1)]
+    for ring in range(1, degree // 2 + 1):
+        angle = 2.0 * np.pi * np.arange(4 * ring + 1) / (4 * ring + 1)
+        radius = np.sin(np.pi * ring / (degree + 1))
+        xi.append(radius * np.cos(angle))
+        eta.append(radius * np.sin(angle))
+    x, y = np.concatenate(xi), np.concatenate(eta)
+    return x, y, np.linalg.inv(basis(x, y, degree).T)
+
+
+def interpolation(xi: Array, eta: Array, degree: int) -> Array:
+    """Return the matrix from values at `disc_nodes` to values at frame points, shape (..., points, nodes)."""
+    return np.asarray(np.moveaxis(basis(xi, eta, degree), 0, -1) @ disc_nodes(degree)[2])
 
 
 @lru_cache(maxsize=64)
@@ -65,27 +77,11 @@ def monomials(degree: int) -> Array:
     return np.asarray(table[i][:, :, None] * table[j][:, None, :])
 
 
-def horner(powers: Array, x: Array, y: Array) -> tuple[Array, Array, Array]:
-    """Return a polynomial and its two derivatives; ``powers[i, j]`` multiplies x^i y^j, i + j <= degree.
+def horner(powers: Array, x: Array, y: Array) -> Array:
+    """Return a polynomial; ``powers[i, j]`` multiplies x^i y^j, i + j <= degree.
 
     ``powers`` may have further axes, which are broadcast with those of x and y.
     """
-    degree = len(powers) - 1
-    value = dx = dy = np.zeros(np.shape(x))
-    for i in range(degree, -1, -1):
-        row = np.zeros(np.shape(x)) + powers[i, degree - i]
-        slope = np.zeros(np.shape(x))
-        for j in range(degree - i - 1, -1, -1):
-            slope = slope * y + row
-            row = row * y + powers[i, j]
-        dx = dx * x + value
-        value = value * x + row
-        dy = dy * x + slope
-    return value, dx, dy
-
-
-def horner_value(powers: Array, x: Array, y: Array) -> Array:
-    """Return a polynomial as `horner` does, without its derivatives."""
     degree = len(powers) - 1
     value = np.zeros(np.shape(x))
     row = np.empty(np.shape(x))

@@ -14,6 +14,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 
 from linear_bem.arrays import Array, Indices, Mask
 from linear_bem.layer.kernel import gauss
@@ -22,10 +23,9 @@ from linear_bem.smooth.polynomials import (
     basis,
     chebyshev,
     circle,
+    disc_nodes,
     exponents,
-    fit_nodes,
     horner,
-    horner_value,
     monomials,
 )
 
@@ -156,21 +156,22 @@ class Zone:
 
     def peaks(self, xi: Array, eta: Array) -> Array:
         """Return the largest P near points (zones,) of large P, by Newton's method on its gradient."""
-        p, difference = self.powers(0), 1e-4
-        best, at = horner(p, xi, eta)[0], np.stack([xi, eta])
-        low, high = at - 0.3, at + 0.3
+        p, at = self.powers(0), np.stack([xi, eta])
+        first = [polyder(p, axis=axis) for axis in (0, 1)]
+        second = [[polyder(d, axis=axis) for axis in (0, 1)] for d in first]
+
+        def value(powers: Array) -> Array:
+            return np.asarray(polyval(at[1], polyval(at[0], powers, tensor=False), tensor=False))
+
+        best, low, high = value(p), at - 0.3, at + 0.3
         for _ in range(12):
-            slopes = [
-                np.stack(horner(p, at[0] + dx, at[1] + dy)[1:])
-                for dx, dy in ((0.0, 0.0), (difference, 0.0), (0.0, difference))
-            ]
-            bend = np.stack([slopes[1] - slopes[0], slopes[2] - slopes[0]]) / difference
-            scale, turn = np.linalg.eigh(0.5 * (bend + bend.transpose(1, 0, 2)).transpose(2, 0, 1))
+            slope = np.stack([value(d) for d in first])
+            scale, turn = np.linalg.eigh(np.array([[value(d) for d in row] for row in second]).T)
             # ascend even where P is convex or, as on a ring of maxima, flat in one direction
             size = np.maximum(np.abs(scale), 1e-3 * np.max(np.abs(scale), axis=1, keepdims=True) + 1e-300)
-            move = np.einsum("nij,nj,nkj,kn->in", turn, 1.0 / size, turn, slopes[0])
+            move = np.einsum("nij,nj,nkj,kn->in", turn, 1.0 / size, turn, slope)
             before, at = at, np.clip(at + move, low, high)
-            best = np.maximum(best, horner(p, at[0], at[1])[0])
+            best = np.maximum(best, value(p))
             if np.max(np.abs(at - before)) < 1e-8:
                 break  # P is flat there: it changes by the square of this
         return np.asarray(best)
@@ -240,7 +241,7 @@ class Zone:
         mean = np.sqrt(scale.mean(axis=-1))[..., None, None] * np.eye(2)
         round_enough = scale[..., 1:] - scale[..., :1] < 1e-3 * scale[..., 1:]
         axes = np.where(round_enough[..., None], mean, turn * np.sqrt(np.maximum(scale, 0.0))[..., None, :])
-        xi, eta, fit = fit_nodes(degree)
+        xi, eta, fit = disc_nodes(degree)
         new = replace(self, centre=centre, axes=axes, degree=degree)
         old = self.frame(*new.points(xi, eta))
         return replace(new, coefficients=self.squared_pressure(*old) @ fit.T)
@@ -271,7 +272,7 @@ class _Chords:
         half = np.sqrt(np.maximum(middle**2 + 1.02**2 - x * x - y * y, 1e-4))
         nodes, chebyshev, powers = _chord_rule(zones.degree)
         t = middle + half * nodes[:, None, None, None]
-        values = horner_value(zones.powers(2), x + t * cos, y + t * sin)
+        values = horner(zones.powers(2), x + t * cos, y + t * sin)
         c0, c1, c2 = np.tensordot(chebyshev, values, 1)
         # the best parabola, c0 + c1 u + c2 (2 u^2 - 1), has its roots close to the chord's ends
         root = c1 * c1 - 8.0 * c2 * (c0 - c2)
