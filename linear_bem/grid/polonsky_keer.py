@@ -6,42 +6,31 @@ iterations then hardly grows with the grid), and groups of balls may have a pres
 unknown approach. A projection of the search direction keeps the forces; for cells of different size within a group
 (one holder for unequal balls), it uses the preconditioner's metric. The iteration stops when the gap in contact and the
 penetration outside, relative to the largest approach, are both below the tolerance.
+
+The contact changes at every step. Where the pressure peaks at the edge, under stiff films, steps may gain and lose the
+same cells indefinitely. Then the contact is held until it is solved; cells under tension leave it, cells that penetrate
+enter it: a primal-dual active set [Hintermueller, Ito and Kunisch 2002, SIAM J. Optim. 13, 865, doi
+10.1137/S1052623401383558].
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from linear_bem.arrays import Array
+from linear_bem.arrays import Array, Mask
 from linear_bem.errors import NotConverged
-from linear_bem.grid.active_set import solve_active_set
 from linear_bem.grid.cells import Cells, GridState
 from linear_bem.grid.patches import Patches
 from linear_bem.load_control import Groups, deepest
 from linear_bem.report import Report, silent
 
-PATIENCE = 60
-"""Steps without progress after which steps are shortened."""
-HOPELESS, GIVEN_UP = 200, 1000
-"""Steps without progress after which the active set is tried, and after which the solver stops; the hardest case solved
-without the active set made no progress for 920 steps."""
-
-
-class _Progress:
-    """Shortens the steps, and finally stops, while the gap does not fall."""
-
-    def __init__(self) -> None:
-        self.damping, self.patience = 1.0, HOPELESS
-        self._best, self._since, self._improved = np.inf, 0, 0
-
-    def ends(self, iteration: int, gap: float, restart: bool) -> bool:
-        """Return whether to stop the iteration; shorten steps if cells are gained and lost alternately."""
-        if gap < 0.9 * self._best:
-            self._best, self._since, self._improved = gap, 0, iteration
-        self._since += 1
-        if self._since > PATIENCE and restart:
-            self.damping, self._since = max(0.5 * self.damping, 0.05), 0
-        return iteration - self._improved > self.patience
+HOPELESS = 60
+"""Steps without progress after which the contact is held."""
+WITHIN = 0.1
+"""Gap at which a held contact changes, over the tolerance or, if that is more, over the penetration."""
+FREE, FREE_OF_MANY, HELD = 3000, 600, 3000
+"""Largest numbers of steps: until the contact is held, the same with more than `MANY` cells, and from then on."""
+MANY = 40_000
 
 
 def solve_bounded(
@@ -57,9 +46,8 @@ def solve_bounded(
 
     ``heights`` holds per patch the members' f at its cells, shape (members, nx, ny) [m]; balls in no group of
     ``groups`` keep their approach. Soft layers need 10 to 30 steps on any grid; a stiff film on a soft base, with its
-    pressure concentrated at the contact's edge, needs hundreds. Where these make no progress, `solve_active_set` takes
-    over.
-    ``report`` receives a line per step. Raises `NotConverged`.
+    pressure concentrated at the contact's edge, needs hundreds. ``report`` receives a line per step. Raises
+    `NotConverged`.
     """
     cells = Cells(patches, heights, groups, len(approaches))
     approaches = approaches.astype(float).copy()
@@ -67,10 +55,10 @@ def solve_bounded(
     p = cells.with_prescribed_forces(np.concatenate([q.ravel() for q in pressures]), owner)
     w = cells.apply(p)
     direction, old, restart = np.zeros_like(p), 1.0, True
-    gap_inside = penetration = np.inf
-    progress = _Progress()
-    for iteration in range(3000 if p.size <= 40_000 else 600):
-        contact = p > 0.0
+    held: Mask | None = None
+    best, improved, free = np.inf, 0, FREE if p.size <= MANY else FREE_OF_MANY
+    for iteration in range(free + HELD):
+        contact = p > 0.0 if held is None else held
         for _ in range(2):
             cells.rest_on_contact(approaches, w - depth, contact, owner)
             depth, owner = cells.envelope(approaches)
@@ -80,11 +68,21 @@ def solve_bounded(
         penetration = float(np.max(-gap[~contact], initial=0.0)) / scale
         left = f"gap {gap_inside:.1e}, penetration {penetration:.1e}, tolerance {tolerance:.1e}"
         report(f"grid of {p.size} cells, step {iteration + 1}: {left}")
-        if gap_inside < tolerance and penetration < tolerance and iteration > 0:
+        settled = gap_inside < tolerance  # the contact needs no step, cells outside it may have to be gained
+        if settled and penetration < tolerance and iteration > 0 and np.all(p >= 0.0):
             return GridState(cells.split(p), cells.split(w), cells.split(owner), approaches, iteration)
         if not np.any(contact):
             # all contact was lost in one step: restart from the cells that penetrate
             p, restart = np.maximum(-0.5 * gap / cells.diagonal, 0.0), True
+            w = cells.apply(p)
+            continue
+        if gap_inside < 0.9 * best:
+            best, improved = gap_inside, iteration
+        if held is None and (iteration == free or iteration - improved > HOPELESS):
+            held, restart = contact, True
+        if held is not None and gap_inside < WITHIN * max(tolerance, penetration):
+            held = (contact & (p > 0.0)) | (~contact & (gap < -tolerance * scale))
+            p, restart = cells.with_prescribed_forces(np.where(held, np.maximum(p, 0.0), 0.0), owner), True
             w = cells.apply(p)
             continue
         residual = np.where(contact, gap, 0.0)
@@ -95,34 +93,23 @@ def solve_bounded(
         if curvature <= 0.0:
             direction, restart = z, True
             image, curvature = cells.curvature(direction)
-        settled = gap_inside < tolerance  # the contact needs no step, cells outside it may have to be gained
         if not (curvature > 0.0 or settled):
             raise NotConverged(
                 f"grid contact: after {iteration} steps no direction of descent is left, at a gap of {gap_inside:.1e} "
                 f"and a penetration of {penetration:.1e} of the approach, tolerance {tolerance:.1e}: roundoff exceeds "
                 "the tolerance; take a smaller load, a thicker film or a lower E1/E2"
             )
-        if progress.ends(iteration, gap_inside, restart):
-            found = None if progress.patience == GIVEN_UP else solve_active_set(cells, p, approaches, tolerance, report)
-            if found is not None:
-                return found
-            if progress.patience == GIVEN_UP:
-                break
-            progress.patience = GIVEN_UP
-        descent = float(residual @ (direction * cells.area)) / curvature if curvature > 0.0 else 0.0
-        step = (progress.damping if restart else 1.0) * descent
+        step = float(residual @ (direction * cells.area)) / curvature if curvature > 0.0 else 0.0
         p = p - step * direction
-        lost = contact & (p <= 0.0)
-        p[p < 0.0] = 0.0
-        gained = ~contact & (gap < -0.5 * tolerance * scale)
-        p[gained] = -0.5 * progress.damping * gap[gained] / cells.diagonal[gained]
-        restart = bool(np.any(lost) or np.any(gained))
+        restart = False
+        if held is None:
+            lost, gained = contact & (p <= 0.0), ~contact & (gap < -0.5 * tolerance * scale)
+            p[p < 0.0] = 0.0
+            p[gained] = -0.5 * gap[gained] / cells.diagonal[gained]
+            restart = bool(np.any(lost) or np.any(gained))
         before = p
         p = cells.with_prescribed_forces(p, owner)
         w = cells.apply(p) if restart or p is not before else w - step * image
-    found = None if progress.patience == GIVEN_UP else solve_active_set(cells, p, approaches, tolerance, report)
-    if found is not None:
-        return found
     raise NotConverged(
         f"grid contact: {iteration + 1} conjugate-gradient steps left a gap of {gap_inside:.1e} and a penetration of "
         f"{penetration:.1e} of the approach, tolerance {tolerance:.1e}; a film much stiffer than its base, and thin "
