@@ -38,7 +38,6 @@ class Cells:
         self.ends = np.cumsum(sizes)[:-1]
         self.area = np.repeat([p.cell**2 for p in patches.patches], sizes)
         self.diagonal = np.repeat([p.influence[0, 0] for p in patches.patches], sizes)
-        self.equal = len({p.cell for p in patches.patches}) == 1
         self.group_of = np.full(balls, -1)
         for g, (members, _) in enumerate(groups):
             self.group_of[members] = g
@@ -97,7 +96,7 @@ class Cells:
                     "grid contact: a ball under a prescribed force lost its contact during the iteration; "
                     "press the balls less deep or closer to equal depth; an own profile must be convex"
                 )
-            approaches[members] += np.average(misfit[mine], weights=None if self.equal else self.area[mine])
+            approaches[members] += np.average(misfit[mine], weights=self.area[mine])
 
     def with_prescribed_forces(self, p: Array, owner: Indices) -> Array:
         """Return pressures scaled to the groups' forces (the same array if they already have these forces)."""
@@ -120,7 +119,7 @@ class Cells:
         """
         masks = self.groups_within(contact, owner)
         z = self.precondition(residual, contact)
-        if not self.equal and any(np.ptp(self.area[mine]) > 0.0 for mine in masks):
+        if any(np.ptp(self.area[mine]) > 0.0 for mine in masks):
             responses = [self.precondition(mine.astype(float), contact) for mine in masks]
             forces = np.array([[np.sum((m * self.area)[mine]) for m in responses] for mine in masks])
             excess = np.array([np.sum((z * self.area)[mine]) for mine in masks])

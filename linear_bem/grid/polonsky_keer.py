@@ -28,9 +28,8 @@ HOPELESS = 60
 """Steps without progress after which the contact is held."""
 WITHIN = 0.1
 """Gap at which a held contact changes, over the tolerance or, if that is more, over the penetration."""
-FREE, FREE_OF_MANY, HELD = 3000, 600, 3000
-"""Largest numbers of steps: until the contact is held, the same with more than `MANY` cells, and from then on."""
-MANY = 40_000
+STEPS = 3600
+"""Largest number of steps."""
 
 
 def solve_bounded(
@@ -56,8 +55,8 @@ def solve_bounded(
     w = cells.apply(p)
     direction, old, restart = np.zeros_like(p), 1.0, True
     held: Mask | None = None
-    best, improved, free = np.inf, 0, FREE if p.size <= MANY else FREE_OF_MANY
-    for iteration in range(free + HELD):
+    best, improved = np.inf, 0
+    for iteration in range(STEPS):
         contact = p > 0.0 if held is None else held
         for _ in range(2):
             cells.rest_on_contact(approaches, w - depth, contact, owner)
@@ -73,12 +72,12 @@ def solve_bounded(
             return GridState(cells.split(p), cells.split(w), cells.split(owner), approaches, iteration)
         if not np.any(contact):
             # all contact was lost in one step: restart from the cells that penetrate
-            p, restart = np.maximum(-0.5 * gap / cells.diagonal, 0.0), True
+            p, held, restart = np.maximum(-0.5 * gap / cells.diagonal, 0.0), None, True
             w = cells.apply(p)
             continue
         if gap_inside < 0.9 * best:
             best, improved = gap_inside, iteration
-        if held is None and (iteration == free or iteration - improved > HOPELESS):
+        if held is None and iteration - improved > HOPELESS:
             held, restart = contact, True
         if held is not None and gap_inside < WITHIN * max(tolerance, penetration):
             held = (contact & (p > 0.0)) | (~contact & (gap < -tolerance * scale))
