@@ -1,5 +1,6 @@
 """Polynomials of two variables on the unit disc: basis, values, and interpolation."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import accumulate
 
@@ -100,3 +101,21 @@ def along_rays(powers: Array, cos: Array, sin: Array) -> list[Array]:
     count = len(powers) - 1
     of_cos, of_sin = (list(accumulate([v] * count, np.multiply, initial=np.ones_like(v))) for v in (cos, sin))
     return [sum(powers[k - j, j] * of_cos[k - j] * of_sin[j] for j in range(k + 1)) for k in range(count + 1)]
+
+
+def descent_to_zero(coefficients: Array | Sequence[Array], start: Array, floor: Array) -> Array:
+    """Return where polynomials of one variable fall through 0 near ``start``, by Newton's method.
+
+    ``coefficients`` are those of its powers; ``floor`` < 0 bounds the slopes from above.
+    """
+    t = start
+    for _ in range(40):
+        value, slope = np.zeros_like(t), np.zeros_like(t)
+        for c in coefficients[::-1]:
+            slope = slope * t + value
+            value = value * t + c
+        move = value / np.minimum(slope, floor)
+        t = t - np.minimum(np.maximum(move, -0.3), 0.3)
+        if np.max(np.abs(move)) < 3e-8:
+            break  # the next step, quadratically smaller, is below roundoff
+    return t

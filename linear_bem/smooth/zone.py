@@ -23,6 +23,7 @@ from linear_bem.smooth.polynomials import (
     basis,
     chebyshev,
     circle,
+    descent_to_zero,
     disc_nodes,
     exponents,
     horner,
@@ -125,28 +126,9 @@ class Zone:
         return self._edge(along_rays(self.powers(1), cos, sin))
 
     def _edge(self, along: list[Array]) -> Array:
-        """Return `edge` of rays along which P has these coefficients in powers of the distance.
-
-        For P of degree 2 this is a root of the quadratic along the ray; else Newton's method starts from there.
-        """
-        c, b, a = along[:3]
-        root = b * b - 4.0 * a * c
-        hopeful = (a < 0.0) & (root > 0.0)
-        quadratic = np.where(hopeful, b + np.sqrt(np.where(hopeful, root, 1.0)), 0.0) / np.where(hopeful, -2.0 * a, 1.0)
-        if self.degree <= 2 and np.all(hopeful):
-            return np.maximum(quadratic, 1e-12)
-        t = np.maximum(np.where(np.abs(quadratic - 1.02) < 0.1, quadratic, 1.02), 0.01)
-        floor = -1e-6 * np.abs(self.coefficients[..., :1])
-        for _ in range(40):
-            value, slope = np.zeros_like(t), np.zeros_like(t)
-            for coefficient in along[::-1]:
-                slope = slope * t + value
-                value = value * t + coefficient
-            move = value / np.minimum(slope, floor)
-            t = t - np.minimum(np.maximum(move, -0.3), 0.3)
-            if np.max(np.abs(move)) < 3e-8:
-                break  # the next step, quadratically smaller, is below roundoff
-        return np.maximum(t, 1e-12)
+        """Return `edge` of rays along which P has these coefficients in powers of the distance."""
+        start, floor = np.full(along[0].shape, 1.02), -1e-6 * np.abs(self.coefficients[..., :1])
+        return np.maximum(descent_to_zero(along, start, floor), 1e-12)
 
     def outline(self, count: int = 64) -> tuple[Array, Array]:
         """Return points x, y [m] of the contact's edge."""
@@ -283,22 +265,13 @@ class _Chords:
         return cls(middle, half, np.tensordot(powers, values, 1), (trusted[0], trusted[1]))
 
     def ends(self) -> tuple[Array, Array]:
-        """Return the distances from the points to the edge, ahead and back, by Newton's method."""
-        size = -1e-6 * np.max(np.abs(self.coefficients), axis=0)
-        out = []
-        for sign, start in zip((1.0, -1.0), self.start, strict=True):
-            u = start
-            for _ in range(40):
-                value, slope = np.zeros_like(u), np.zeros_like(u)
-                for c in self.coefficients[::-1]:
-                    slope = slope * u + value
-                    value = value * u + c
-                move = value / np.minimum(sign * slope, size)
-                u = u - sign * np.minimum(np.maximum(move, -0.3), 0.3)
-                if np.max(np.abs(move) * self.half) < 3e-8:
-                    break  # the next step, quadratically smaller, is below roundoff
-            out.append(np.maximum(sign * (self.middle + self.half * u), 1e-12))
-        return out[0], out[1]
+        """Return the distances from the points to the edge, ahead and back."""
+        floor = -1e-6 * np.max(np.abs(self.coefficients), axis=0)
+        back = self.coefficients.copy()
+        back[1::2] *= -1.0  # P along the opposite direction
+        ahead = self.middle + self.half * descent_to_zero(self.coefficients, self.start[0], floor)
+        behind = -self.middle + self.half * descent_to_zero(back, -self.start[1], floor)
+        return np.maximum(ahead, 1e-12), np.maximum(behind, 1e-12)
 
     def squared_pressure(self, t: Array) -> Array:
         """Return P at distances t, shape (zones, points, chords, distances)."""
