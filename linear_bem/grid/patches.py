@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import NDArray
 from scipy import fft
 
@@ -158,36 +159,38 @@ class Patch:
         rows = fft.ifft(image, axis=0, overwrite_x=True)[: self.nx]
         return np.asarray(fft.irfft(rows, self._size[1], axis=1)[:, : self.ny])
 
+    @property
+    def wave_numbers(self) -> Array:
+        """Wave numbers [1/m] of `rfft2` on the periodically continued patch."""
+        kx, ky = fft.fftfreq(self.nx, self.cell)[:, None], fft.rfftfreq(self.ny, self.cell)
+        return np.asarray(2.0 * np.pi * np.hypot(kx, ky))
+
     @cached_property
     def _inverse_spectrum(self) -> Array:
         """Inverse of the layered half-space's symbol 2 pi G(k h)/k on the periodically continued patch."""
-        kx = 2.0 * np.pi * fft.fftfreq(self.nx, self.cell)[:, None]
-        ky = 2.0 * np.pi * fft.rfftfreq(self.ny, self.cell)[None, :]
-        k = np.sqrt(kx**2 + ky**2 + 1.0 / self.reach**2)
+        k = np.hypot(self.wave_numbers, 1.0 / self.reach)
         return k / (2.0 * np.pi * self.kernel.response_at(k))
 
     def precondition(self, residual: Array) -> Array:
         """Return an approximate solution p of `displacement` (p) = residual."""
         return np.asarray(fft.irfft2(fft.rfft2(residual) * self._inverse_spectrum, residual.shape))
 
+    @property
+    def _chebyshev(self) -> Array:
+        return np.cos((np.arange(self.nodes) + 0.5) * np.pi / self.nodes)
+
     @cached_property
     def node_points(self) -> tuple[Array, Array]:
         """Chebyshev nodes of the patch, x and y [m], flattened."""
-        z = np.cos((np.arange(self.nodes) + 0.5) * np.pi / self.nodes)
-        x = self.centre[0] + 0.5 * self.cell * self.nx * z
-        y = self.centre[1] + 0.5 * self.cell * self.ny * z
+        x, y = (c + 0.5 * self.cell * n * self._chebyshev for c, n in zip(self.centre, (self.nx, self.ny), strict=True))
         return np.repeat(x, self.nodes), np.tile(y, self.nodes)
 
     @cached_property
     def _lagrange(self) -> tuple[Array, Array]:
-        q = self.nodes
-        z = np.cos((np.arange(q) + 0.5) * np.pi / q)
-        fit = np.linalg.inv(np.polynomial.chebyshev.chebvander(z, q - 1))
-        out = []
-        for n in (self.nx, self.ny):
-            cells = (2.0 * np.arange(n) - (n - 1)) / n
-            out.append(np.polynomial.chebyshev.chebvander(cells, q - 1) @ fit)
-        return out[0], out[1]
+        fit = np.linalg.inv(chebvander(self._chebyshev, self.nodes - 1))
+        cells = [(2.0 * np.arange(n) - (n - 1)) / n for n in (self.nx, self.ny)]
+        x, y = (chebvander(z, self.nodes - 1) @ fit for z in cells)
+        return x, y
 
     def gather(self, pressure: Array) -> Array:
         """Return the point loads at the nodes that replace a pressure in its effect on other patches."""
@@ -202,12 +205,11 @@ class Patch:
 
 def _embed(quadrant: Array, size: tuple[int, int], sign_x: float, sign_y: float) -> Array:
     """Return the circulant array of a kernel known at non-negative offsets, even (+1) or odd (-1) in x and y."""
-    nx, ny = quadrant.shape
     out = np.zeros(size)
+    nx, ny = quadrant.shape
     out[:nx, :ny] = quadrant
-    out[size[0] - nx + 1 :, :ny] = sign_x * quadrant[:0:-1, :]
-    out[:nx, size[1] - ny + 1 :] = sign_y * quadrant[:, :0:-1]
-    out[size[0] - nx + 1 :, size[1] - ny + 1 :] = sign_x * sign_y * quadrant[:0:-1, :0:-1]
+    out[size[0] - nx + 1 :] = sign_x * out[nx - 1 : 0 : -1]
+    out[:, size[1] - ny + 1 :] = sign_y * out[:, ny - 1 : 0 : -1]
     return out
 
 
@@ -242,19 +244,13 @@ class Patches:
     def displacement(self, pressures: list[Array]) -> list[Array]:
         """Return the displacement [m] of every patch."""
         own = [p.displacement(q) for p, q in zip(self.patches, pressures, strict=True)]
-        if self._mutual is None:
-            return own
-        loads = self._gather(pressures)
-        return self._add(own, self._mutual @ loads)
+        return own if self._mutual is None else self._add(own, self._mutual, pressures)
 
-    def _gather(self, pressures: list[Array]) -> Array:
-        return np.concatenate([p.gather(q) for p, q in zip(self.patches, pressures, strict=True)])
-
-    def _add(self, own: list[Array], values: Array) -> list[Array]:
-        q2 = self.patches[0].nodes ** 2
-        return [
-            w + p.spread(values[k * q2 : (k + 1) * q2]) for k, (p, w) in enumerate(zip(self.patches, own, strict=True))
-        ]
+    def _add(self, own: list[Array], mutual: Array, pressures: list[Array]) -> list[Array]:
+        """Return ``own`` and the effect of the other patches' pressures by a kernel between nodes."""
+        values = mutual @ np.concatenate([p.gather(q) for p, q in zip(self.patches, pressures, strict=True)])
+        parts = np.split(values, len(self.patches))
+        return [w + p.spread(part) for p, w, part in zip(self.patches, own, parts, strict=True)]
 
     def slopes(self, pressures: list[Array]) -> tuple[list[Array], list[Array]]:
         """Return dw/dx and dw/dy of every patch, for the force on every ball.
@@ -262,14 +258,14 @@ class Patches:
         The contribution of a ball's own pressure is omitted on a patch with one ball; on a patch with several balls,
         its integral over that pressure vanishes.
         """
-        along_x, along_y = [], []
-        for p, q in zip(self.patches, pressures, strict=True):
-            x, y = p.slopes(q) if len(p.members) > 1 else (np.zeros_like(q), np.zeros_like(q))
-            along_x.append(x)
-            along_y.append(y)
+        own = [
+            p.slopes(q) if len(p.members) > 1 else (np.zeros_like(q), np.zeros_like(q))
+            for p, q in zip(self.patches, pressures, strict=True)
+        ]
+        along_x, along_y = [x for x, _ in own], [y for _, y in own]
         if self._mutual is None:
             return along_x, along_y
-        loads = self._gather(pressures)
-        sx = self._between(lambda r, dx, dy: self.kernel.scaled_slope(r) * dx / r, "T along x: ") @ loads
-        sy = self._between(lambda r, dx, dy: self.kernel.scaled_slope(r) * dy / r, "T along y: ") @ loads
-        return self._add(along_x, sx), self._add(along_y, sy)
+        mutual_x = self._between(lambda r, dx, dy: self.kernel.scaled_slope(r) * dx / r, "T along x: ")
+        along_x = self._add(along_x, mutual_x, pressures)
+        mutual_y = self._between(lambda r, dx, dy: self.kernel.scaled_slope(r) * dy / r, "T along y: ")
+        return along_x, self._add(along_y, mutual_y, pressures)

@@ -20,9 +20,7 @@ class PeriodicPatch(Patch):
 
     @cached_property
     def _symbol(self) -> Array:
-        kx = 2.0 * np.pi * fft.fftfreq(self.nx, self.cell)[:, None]
-        ky = 2.0 * np.pi * fft.rfftfreq(self.ny, self.cell)[None, :]
-        k = np.hypot(kx, ky)
+        k = self.wave_numbers
         k[0, 0] = 1.0
         symbol = 2.0 * np.pi * self.kernel.response_at(k) / k
         symbol[0, 0] = self.kernel.uniform if np.isfinite(self.kernel.uniform) else 0.0
@@ -43,7 +41,6 @@ class PeriodicPatch(Patch):
         """Return the displacement [m] at the cells under a pressure times ``singular``."""
         return np.asarray(fft.irfft2(fft.rfft2(pressure) * self._symbol, pressure.shape))
 
-    def precondition(self, residual: Array) -> Array:
-        """Return an approximate solution p of `displacement` (p) = residual."""
-        inverse = 1.0 / np.where(self._symbol > 0.0, self._symbol, np.max(self._symbol))
-        return np.asarray(fft.irfft2(fft.rfft2(residual) * inverse, residual.shape))
+    @cached_property
+    def _inverse_spectrum(self) -> Array:
+        return np.asarray(1.0 / np.where(self._symbol > 0.0, self._symbol, np.max(self._symbol)))
