@@ -1,17 +1,14 @@
 """Surface displacement anywhere, from pressures of square cells."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
-from scipy.ndimage import map_coordinates
 
 from linear_bem.arrays import Array, hypotenuse
 from linear_bem.grid.patches import Patch
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.layer.rectangle_load import love_rectangle
 
-DRAWN = 48
-"""Cells along a side of a patch whose displacement is drawn outside of it."""
 AT_ONCE = 2_000_000
 """Products of points and cells that are taken together, to bound the memory."""
 
@@ -30,21 +27,3 @@ def surface_displacement(kernel: LayeredKernel, loads: Iterable[tuple[Patch, Arr
                 block = block + patch.cell**2 * kernel.smooth(hypotenuse(dx, dy))
             out[part] += block @ p[loaded]
     return out.reshape(x.shape)
-
-
-def drawn(
-    kernel: LayeredKernel, patches: Sequence[Patch], pressures: Sequence[Array], displacements: Sequence[Array],
-    x: Array, y: Array,
-) -> Array:  # fmt: skip
-    """Return the displacement [m] at surface points (n,) [m], to about 1e-3 of the largest (beside a punch 6e-3).
-
-    On a patch it is interpolated between its cells' ``displacements`` [m], elsewhere that of the pressures averaged to
-    `DRAWN` cells.
-    """
-    averaged = [patch.averaged(p, DRAWN) for patch, p in zip(patches, pressures, strict=True)]
-    out = surface_displacement(kernel, averaged, x, y)
-    for patch, w in zip(patches, displacements, strict=True):
-        here = patch.cell_of(x, y)[2]
-        places = [(x[here] - patch.x[0, 0]) / patch.cell, (y[here] - patch.y[0, 0]) / patch.cell]
-        out[here] = map_coordinates(w, places, order=1, mode="nearest")
-    return out

@@ -49,14 +49,12 @@ def layer_pulls(kernel: LayeredKernel, positions: Array, forces: Array, reach: f
 
 
 def summed_pulls(positions: Array, forces: Array, pull: Callable[[Array], Array]) -> Array:
-    """Return the sum over neighbours of Q_i Q_j pull(r) [N] for every ball, for more than `SUMMED` within 5 %."""
+    """Return the sum over neighbours of Q_i Q_j pull(r) [N] for every ball.
+
+    More than `SUMMED` balls are summed within 5 %: near pairs one by one, beyond them pull((r^2 + s^2)^1/2) on a mesh.
+    """
     if len(positions) <= SUMMED:
         return np.asarray(forces * (pull(distances(positions)) @ forces))
-    return np.asarray(forces * _estimated_sum(positions, forces, pull))
-
-
-def _estimated_sum(positions: Array, forces: Array, pull: Callable[[Array], Array]) -> Array:
-    """Return sum_j pull(r_ij) F_j within 5 %: near pairs one by one, beyond them pull((r^2 + s^2)^1/2) on a mesh."""
     low, high = positions.min(axis=0), positions.max(axis=0)
     spacing = float(np.max(high - low)) / np.sqrt(len(positions))
     soft = 1.5 * spacing
@@ -72,4 +70,4 @@ def _estimated_sum(positions: Array, forces: Array, pull: Callable[[Array], Arra
     total = points.value @ mesh.field(points, forces) - float(far(np.zeros(1))[0]) * forces
     for here, there in ((first, second), (second, first)):
         total += np.bincount(here, near * forces[there], len(forces))
-    return np.asarray(np.maximum(total, 0.0))
+    return np.asarray(forces * np.maximum(total, 0.0))
