@@ -64,7 +64,7 @@ class SmoothContacts:
 
     @property
     def iterations(self) -> int:
-        """Newton steps taken."""
+        """Sweeps taken."""
         return self.smooth.iterations
 
     @cached_property

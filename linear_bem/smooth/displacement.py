@@ -12,7 +12,7 @@ from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.report import Report, silent
 from linear_bem.smooth.multipole import DEGREES, Interaction, equivalent_loads, point_displacement
 from linear_bem.smooth.newton import Nodes, Rule
-from linear_bem.smooth.polynomials import basis, disc_nodes, interpolation
+from linear_bem.smooth.polynomials import PARABOLA, basis, disc_nodes, interpolation
 from linear_bem.smooth.zone import Zone
 
 FEW = 6
@@ -69,7 +69,7 @@ def displacement_about(
     zones = nodes.zone
     count, terms = len(centres), zones.coefficients.shape[1]
     parabola = np.zeros((count, terms))
-    parabola[:, [3, 5]] = -0.5  # 1 - xi^2 - eta^2 = -(T2(xi) + T2(eta))/2
+    parabola[:, : PARABOLA.size] = PARABOLA
     discs = Zone(centres, reach[:, None, None] * np.eye(2), zones.degree, parabola)
     rule = Rule.of(zones, kernel.thickness)
     empty = Nodes.of(discs, rule)

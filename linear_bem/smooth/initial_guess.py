@@ -21,7 +21,7 @@ from linear_bem.profiles import curvature, height, is_ball, mean_height
 from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.smooth.many_balls import sweep_zones
-from linear_bem.smooth.polynomials import exponents
+from linear_bem.smooth.polynomials import PARABOLA
 from linear_bem.smooth.zone import Zone, stacked
 
 ROUGHEST = 1.5
@@ -31,16 +31,10 @@ SHARP = 3.0
 DENSE, EXACT, SHARPEST = 4, 1e-300, 1e-9
 """Largest number of balls whose pairs use all quadrature points; the precision of pairs that stands for this, and the
 smallest tolerance of sweeps there."""
-
-
 GUESSED = 1e-5
 """Relative residual of the point-load estimate from which solvers start."""
-
-
 ALONE = 0.5
 """Effective over given approach if the coupled point loads have no solution."""
-
-
 Media = tuple[Layer, Elastic | None]
 """Layer and substrate."""
 
@@ -158,10 +152,7 @@ def _sphere_radius(parabolic: float, radius: float) -> float:
 
 
 def _hertz_zone(centre: tuple[float, float], axes: Array, peak: float) -> Zone:
-    i, j = exponents(2)
-    # 1 - xi^2 - eta^2 = -(T2(xi) + T2(eta))/2
-    coefficients = np.where((i == 2) | (j == 2), -0.5 * peak**2, 0.0)
-    return Zone(np.array(centre, dtype=float), axes, 2, coefficients)
+    return Zone(np.array(centre, dtype=float), axes, 2, peak**2 * PARABOLA)
 
 
 def solve_smooth(

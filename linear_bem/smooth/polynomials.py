@@ -9,6 +9,9 @@ from numpy.polynomial.chebyshev import cheb2poly
 
 from linear_bem.arrays import Array, Indices
 
+PARABOLA = np.array([0.0, 0.0, 0.0, -0.5, 0.0, -0.5])
+"""Coefficients of 1 - xi^2 - eta^2 = -(T2(xi) + T2(eta))/2 at degree 2, the first ones at a higher degree."""
+
 
 @lru_cache(maxsize=32)
 def exponents(degree: int) -> tuple[Indices, Indices]:
