@@ -250,7 +250,8 @@ def zone_displacement(kernel: LayeredKernel, n: Nodes, x: Array, y: Array) -> Ar
 
     inside, near = np.flatnonzero(ratio < 1.0), np.flatnonzero(ratio < NEAR)
     for part in np.array_split(inside, inside.size // 64 + 1) if inside.size else ():
-        total[part] += zone.half_space(xi[part], eta[part], rule.directions + 8, rule.along + 4)[0]
+        at = xi[None, part], eta[None, part]
+        total[part] += zone[None].half_space(*at, rule.directions + 8, rule.along + 4, derivative=False)[0][0]
     if near.size and not kernel.homogeneous:
         add(near, rule.radial, rule.angular, kernel.smooth)
     for low, high in pairwise((1.0, 1.02, 1.1, 1.2, NEAR, 4.0, np.inf)):

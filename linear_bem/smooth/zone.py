@@ -180,15 +180,12 @@ class Zone:
     def half_space(
         self, xi: Array, eta: Array, directions: int, along: int, derivative: bool = True
     ) -> tuple[Array, Array]:
-        """Return int p/|x - x'| dA' at frame points inside, and its derivative by the coefficients of P.
+        """Return int p/|x - x'| dA' of many zones at frame points inside, and its derivative by the coefficients of P.
 
         Polar coordinates about each target remove the singularity. Along each chord the rule is Gauss-Chebyshev, exact
-        for sqrt(parabola) times polynomials; over the chords' directions it is the trapezoidal rule. Shapes (...,
-        targets) and (..., targets, terms); without ``derivative`` the latter has no terms.
+        for sqrt(parabola) times polynomials; over the chords' directions it is the trapezoidal rule. Shapes (zones,
+        targets) and (zones, targets, terms); without ``derivative`` the latter has no terms.
         """
-        if not self.shape:
-            potential, changes = self[None].half_space(xi[None], eta[None], directions, along, derivative)
-            return potential[0], changes[0]
         angle = (np.arange(directions) + 0.5) * np.pi / directions
         cos, sin = np.cos(angle), np.sin(angle)
         beta = (np.arange(along) + 0.5) * np.pi / along

@@ -5,7 +5,7 @@ import linear_bem.grid.contacts
 from linear_bem import Ball, Elastic, Layer, Load, Periodic, Problem, solve, solve_contact
 from linear_bem.grid.contacts import GridContacts
 from linear_bem.smooth import many_balls
-from linear_bem.smooth.zone import Zone
+from linear_bem.smooth.own_equations import OwnEquations
 
 CASES = {
     "paper": (Layer(1.0, 0.48, 1.16), Elastic(1e3, 0.3), 2.66666e-3, 2.0),
@@ -50,13 +50,13 @@ def test_near_a_change_of_sign_a_note_states_the_error_relative_to_t_itself():
 
 @pytest.mark.parametrize("kind", ["approach", "force"])
 def test_small_newton_steps_keep_their_matrix_and_give_the_same_digits(kind, monkeypatch):
-    renewed, half_space = [], Zone.half_space
+    renewed, some = [], OwnEquations._some
 
-    def noted(zone, xi, eta, directions, along, derivative=True):
-        renewed.append(derivative)
-        return half_space(zone, xi, eta, directions, along, derivative)
+    def noted(own, nodes, rise, forces, matrix, renew, few):
+        renewed.append(renew)
+        return some(own, nodes, rise, forces, matrix, renew, few)
 
-    monkeypatch.setattr(Zone, "half_space", noted)
+    monkeypatch.setattr(OwnEquations, "_some", noted)
     balls = (Ball((-0.8, 0.0), 0.6), Ball((1.0, 0.2), 1.0))
     problem = Problem(Layer(1.0, 0.48, 1.16), balls, Load(kind, (0.05, 0.12)), Elastic(1e3, 0.3))
     quick = solve_contact(problem, 1e-4)
