@@ -27,6 +27,8 @@ FIELDS = {"u_r": 1, "u_z": 0, "sigma_z": 0, "tau_rz": 1, "sum": 0, "difference":
 """Fields of a unit force by their names, and the orders of their Bessel functions; z points down."""
 PLANAR = ("u_r", "u_z")
 STRESSES = ("sigma_z", "tau_rz", "sum", "difference")
+LOG_T = np.linspace(np.log(1e-9), np.log(60.0), 900)
+"""Logarithms of the t = k h at which the transforms are tabulated."""
 SHALLOWEST = 0.02
 """Least depth over the widest contact's radius; nearer to the surface, the quadrature is too coarse for 1/r."""
 
@@ -40,22 +42,28 @@ def _transformed(solid: Elastic, shear: float, state: Array, t: Array) -> dict[s
     }  # fmt: skip
 
 
+@lru_cache(maxsize=1)
+def _tabulated(layer: Elastic, substrate: Elastic | None, depth: float) -> dict[str, Array]:
+    """Return the integrands at `LOG_T` of the fields' tabulated parts."""
+    t = np.exp(LOG_T)
+    solid = layer if depth <= 1.0 or substrate is None else substrate
+    found = _transformed(solid, layer.shear_modulus, interior_state(layer, substrate, t, depth), t)
+    if depth > 1.0:
+        return found
+    singular = _transformed(layer, layer.shear_modulus, half_space_state(layer, depth * t), t)
+    return {name: value - singular[name] for name, value in found.items()}
+
+
 @lru_cache(maxsize=32)
 def _table(layer: Elastic, substrate: Elastic | None, depth: float, name: str) -> tuple[PPoly, float]:
     """Return a field's tabulated part times 1 + rho^2 (stresses) or its root, as a spline over asinh(r/h), and its end.
 
     At h = 1: in the layer the bond's part, in the substrate the whole field. It ends 3000 longest lengths away.
     """
-    log_t = np.linspace(np.log(1e-9), np.log(60.0), 900)
-    t = np.exp(log_t)
-    solid = layer if depth <= 1.0 or substrate is None else substrate
-    values = _transformed(solid, layer.shear_modulus, interior_state(layer, substrate, t, depth), t)[name]
-    if depth <= 1.0:
-        values = values - _transformed(layer, layer.shear_modulus, half_space_state(layer, depth * t), t)[name]
-    spline = make_interp_spline(log_t, values, k=5)
+    spline = make_interp_spline(LOG_T, _tabulated(layer, substrate, depth)[name], k=5)
 
     def tabulated(t: Array) -> Array:
-        return np.where(t < 60.0, spline(np.clip(np.log(t), log_t[0], log_t[-1])), 0.0)
+        return np.where(t < 60.0, spline(np.clip(np.log(t), LOG_T[0], LOG_T[-1])), 0.0)
 
     # a stiff film carries radial displacements over h E1/E2; in a soft one Boussinesq's part is E2/E1 times too large
     contrast = 1.0 if substrate is None else layer.young / substrate.young

@@ -2,17 +2,14 @@ r"""State inside a layer and its base under a pressure that varies like a cosine
 
 Under p = cos(k x) the displacement is (U sin kx, W cos kx) along x and down, the stress sigma_z = S cos kx and tau_xz =
 T sin kx. The state y = (2 mu k U, 2 mu k W, S, T), mu the layer's shear modulus, obeys dy/d(k z) = A y: equilibrium and
-Hooke's law in the plane of the wave. A has the eigenvalues 1 and -1, twice each, so that (A^2 - 1)^2 = 0 and
-
-    exp(A x) = cosh x - (x/2) sinh x + (3/2 sinh x - x/2 cosh x) A + (x/2) sinh x A^2 + 1/2 (x cosh x - sinh x) A^3.
-
-States that decay into a half-space are those with (A + 1)^2 y = 0. The surface has S = -1, T = 0; at the bond the
-displacement follows the traction by the base's compliance (none if rigid). For t = k h < 1 the state is carried down
-from the surface by exp(A x), which keeps its accuracy for long waves; for larger t decaying and growing states are
-superposed, each scaled where it is largest.
+Hooke's law in the plane of the wave. A has the eigenvalues 1 and -1, twice each. States that decay into a half-space
+are those with (A + 1)^2 y = 0. The surface has S = -1, T = 0; at the bond the displacement follows the traction by the
+base's compliance (none if rigid). For t = k h < 1 the state is carried down from the surface by exp(A x), which keeps
+its accuracy for long waves; for larger t decaying and growing states are superposed, each scaled where it is largest.
 """
 
 import numpy as np
+from scipy.linalg import expm
 
 from linear_bem.arrays import Array
 from linear_bem.problem import Elastic
@@ -28,18 +25,6 @@ def _matrix(solid: Elastic, shear: float) -> Array:
     n, c = nu / (1.0 - nu), (1.0 - 2.0 * nu) / (1.0 - nu)
     return np.array(
         [[0.0, 1.0, 0.0, 2.0 * s], [-n, 0.0, c * s, 0.0], [0.0, 0.0, 0.0, -1.0], [1.0 / (1.0 - nu) / s, 0.0, n, 0.0]]
-    )
-
-
-def _carried(a: Array, x: Array) -> Array:
-    """Return exp(A x), shape (..., 4, 4)."""
-    x = x[..., None, None]
-    cosh, sinh, square = np.cosh(x), np.sinh(x), a @ a
-    return np.asarray(
-        (cosh - 0.5 * x * sinh) * _IDENTITY
-        + 0.5 * (3.0 * sinh - x * cosh) * a
-        + 0.5 * x * sinh * square
-        + 0.5 * (x * cosh - sinh) * (square @ a)
     )
 
 
@@ -78,10 +63,10 @@ def interior_state(layer: Elastic, substrate: Elastic | None, t: Array, depth: f
 
 
 def _from_surface(a: Array, bond: Array, t: Array, depth: float) -> Array:
-    whole = bond @ _carried(a, t)
+    whole = bond @ expm(a * t[:, None, None])
     surface = np.tile(np.concatenate([np.zeros(2), _PRESSURE]), (len(t), 1))
     surface[:, :2] = np.linalg.solve(whole[..., :2], -(whole[..., 2:] @ _PRESSURE)[..., None])[..., 0]
-    return np.asarray((_carried(a, depth * t) @ surface[..., None])[..., 0])
+    return np.asarray((expm(a * (depth * t)[:, None, None]) @ surface[..., None])[..., 0])
 
 
 def _superposed(a: Array, bond: Array, t: Array, depth: float) -> Array:
