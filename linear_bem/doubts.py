@@ -22,8 +22,8 @@ def own_profile_notes(contacts: Contacts) -> tuple[str, ...]:
 
     In unlike units its contact is wider than the ball, or far narrower than its approach.
     """
-    problem, approaches, forces, areas = loads_of(contacts)
-    for number, (ball, area, approach) in enumerate(zip(problem.balls, areas, approaches, strict=True)):
+    problem, forces, areas = contacts.problem, contacts.normal_forces, contacts.contact_areas
+    for number, (ball, area, approach) in enumerate(zip(problem.balls, areas, contacts.approaches, strict=True)):
         if isinstance(ball.indenter, Indenter) and not isinstance(ball.indenter, HeightFunction):
             continue
         if _is_pointed(ball):
@@ -48,11 +48,6 @@ def _is_pointed(ball: Ball) -> bool:
     body = ball.indenter
     heights = body.height(x, y) if isinstance(body, Indenter) else body(x, y)
     return bool(np.min(np.asarray(heights)) > POINTED * near)
-
-
-def loads_of(contacts: Contacts) -> tuple[Problem, Array, Array, Array]:
-    """Return the arguments of `large_strain_notes` for solved contacts."""
-    return contacts.problem, contacts.approaches, contacts.normal_forces, contacts.contact_areas
 
 
 def large_strain_notes(problem: Problem, approaches: Array, forces: Array, areas: Array) -> tuple[str, ...]:

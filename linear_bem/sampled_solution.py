@@ -29,7 +29,7 @@ from linear_bem.smooth.initial_guess import Guess, Start, solve_smooth
 from linear_bem.smooth.many_balls import Lost, sweep_zones
 from linear_bem.smooth.newton import Nodes
 from linear_bem.smooth.polynomials import disc_nodes, interpolation
-from linear_bem.solution import Estimated, is_certified, require_certified
+from linear_bem.solution import Solution, is_certified, require_certified
 
 SAMPLE = ", sample: "
 """Marks progress lines of work whose time hardly depends on the number of balls; it follows the degree."""
@@ -74,13 +74,13 @@ def require_memory(problem: Problem) -> None:
     require(BYTES * problem.size, f"linear_bem: {problem.size} balls", "take fewer balls or a larger machine")
 
 
-def solve_by_sample(guess: Start, wanted: float, report: Report, size: int | None) -> Estimated:
+def solve_by_sample(guess: Start, wanted: float, report: Report, size: int | None) -> Solution:
     """Return contacts of the lowest sufficient degree, or of the highest that converges, with a note.
 
     ``size`` is the number of sampled balls at equal steps, by default that for very many balls.
     Raises `NotConverged` if no degree converges.
     """
-    best: Estimated | None = None
+    best: Solution | None = None
     contacts: SmoothContacts | None = None
     start, share = _rough(guess, wanted, report)
     sharpest = max(AGAIN * wanted, FINEST)
@@ -157,7 +157,7 @@ def _without(start: Guess, lost: Lost) -> Start:
     return Start(start.problem, start.kernel, touching, lost.zones, start.approaches)
 
 
-def _judged(contacts: SmoothContacts, wanted: float, report: Report) -> Estimated:
+def _judged(contacts: SmoothContacts, wanted: float, report: Report) -> Solution:
     """Return the contacts with the error of T estimated from the sample."""
     sample, scale = sample_error(contacts, report), pulls(contacts)
     vars(contacts).pop("direct", None)  # its nodes take memory
@@ -190,7 +190,7 @@ def _judged(contacts: SmoothContacts, wanted: float, report: Report) -> Estimate
             f"T was requested to {wanted:.0e} of its largest size and is estimated to {reached:.0e}: "
             f"{len(balls)} balls solved exactly differ by up to {accuracy['sample_error']:.0e}",
         )
-    return Estimated(contacts, error, errors, notes, accuracy)
+    return Solution(contacts.problem, contacts, error, errors, notes, accuracy)
 
 
 @dataclass(frozen=True)

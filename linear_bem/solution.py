@@ -36,17 +36,6 @@ def require_certified(contacts: Contacts) -> None:
         )
 
 
-@dataclass(frozen=True)
-class Estimated:
-    """Contacts, error of T [N] per ball, errors of other results, notes, and the accuracy judged by a sample."""
-
-    contacts: Contacts
-    error: Array
-    errors: Errors
-    notes: tuple[str, ...] = ()
-    accuracy: Mapping[str, object] = field(default_factory=dict)
-
-
 @dataclass(frozen=True, repr=False)
 class Solution:
     """A certified solution with its error estimates: ``contacts`` gives fields, `result` the numbers.
@@ -62,9 +51,9 @@ class Solution:
     contacts: Contacts
     tangential_force_error: Array
     errors: Errors
-    seconds: float
     notes: tuple[str, ...] = ()
     accuracy: Mapping[str, object] = field(default_factory=dict)
+    seconds: float = 0.0
 
     def pressure(self, x: Array, y: Array) -> Array:
         """Return the contact pressure [Pa] at surface points [m]."""

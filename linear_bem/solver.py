@@ -2,14 +2,14 @@
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from linear_bem.arguments import require_accuracy, require_sample, require_supported
 from linear_bem.arrays import Array
 from linear_bem.depth import depth_faults, overlap_note
-from linear_bem.doubts import large_strain_notes, loads_of, own_profile_notes, small_force_note, unreached
+from linear_bem.doubts import large_strain_notes, own_profile_notes, small_force_note, unreached
 from linear_bem.error_estimate import (
     Errors,
     change,
@@ -37,7 +37,7 @@ from linear_bem.result import Result
 from linear_bem.sampled_solution import require_memory, solve_by_sample
 from linear_bem.smooth.contacts import CHECKED, SmoothContacts
 from linear_bem.smooth.initial_guess import DENSE, ROUGHEST, Start, first_guess
-from linear_bem.solution import Estimated, Solution, is_certified, require_certified
+from linear_bem.solution import Solution, is_certified, require_certified
 
 WORTH_KEEPING = 5.0
 """Largest error over the requested one at which the best polynomials are accepted (with a note) without grids."""
@@ -126,30 +126,28 @@ def solve_contact(
     problem = problem.without_empty_layer()
     kernel = LayeredKernel.of(problem)
     require_memory(problem)
-    answer = _refined(problem.in_cell(), kernel, accuracy, report, sample)
-    contacts = answer.contacts
-    of_error = answer.notes or small_force_note(contacts, answer.error, accuracy)
+    found = _refined(problem.in_cell(), kernel, accuracy, report, sample)
+    contacts = found.contacts
+    of_error = found.notes or small_force_note(contacts, found.tangential_force_error, accuracy)
+    loads = contacts.approaches, contacts.normal_forces, contacts.contact_areas
     overlap = overlap_note(problem, contacts.approaches)
-    notes = (*own_profile_notes(contacts), *large_strain_notes(*loads_of(contacts)), *overlap, *of_error)
+    notes = (*own_profile_notes(contacts), *large_strain_notes(contacts.problem, *loads), *overlap, *of_error)
     require_certified(contacts)
-    seconds = time.perf_counter() - begun
-    return Solution(problem, contacts, answer.error, answer.errors, seconds, notes, answer.accuracy)
+    return replace(found, problem=problem, notes=notes, seconds=time.perf_counter() - begun)
 
 
-def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Report, sample: int | None) -> Estimated:
+def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Report, sample: int | None) -> Solution:
     """Return contacts by polynomials if these converge, else on grids."""
     report(f"{problem.size} ball(s): first guess")
     best: _Refined | None = None
     guess = first_guess(problem, kernel, seldom(report, "first guess: "))
     if sample is not None or len(guess.touching) > CHECKED:
         try:
-            found = solve_by_sample(guess, wanted, report, sample)
+            return solve_by_sample(guess, wanted, report, sample)
         except NotConverged as failed:
             if problem.size > GRIDDED:
                 on_grids = "" if kernel.cell is not None else f"; up to {GRIDDED} balls are tried on grids as well"
                 raise NotConverged(f"{failed}{on_grids}") from failed
-        else:
-            return found
     if (
         kernel.cell is not None
         or wanted < ROUTES_SUFFICE
@@ -157,7 +155,7 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
         or not (_steep(guess) or np.max(guess.zones.radius) > WIDE * kernel.thickness)
     ):
         smooth = _by_polynomials(guess, wanted, report)
-        if isinstance(smooth, Estimated):
+        if isinstance(smooth, Solution):
             return smooth
         best = smooth
     if kernel.cell is None:
@@ -191,9 +189,11 @@ class _Refined:
         """Return the larger of both errors over the requested ones."""
         return max(self.reached / wanted, self.settled / _enough(wanted))
 
-    def estimated(self, wanted: float) -> Estimated:
+    def estimated(self, wanted: float) -> Solution:
         """Return contacts of the best degree, with a note."""
-        return Estimated(self.contacts, self.error, self.errors, self.notes("highest usable degree", wanted))
+        return Solution(
+            self.contacts.problem, self.contacts, self.error, self.errors, self.notes("highest usable degree", wanted)
+        )
 
     def notes(self, limit: str, wanted: float) -> tuple[str, ...]:
         """Return a note if an error of T, forces or approaches is above the one asked for; ``limit`` ended it."""
@@ -212,7 +212,7 @@ def _of_pairs(kernel: LayeredKernel, precision: float) -> float | None:
     return None if kernel.cell is None else max(min(precision, FINEST) / max(kernel.far_ratio, 1.0), 1e-9)
 
 
-def _by_polynomials(guess: Start, wanted: float, report: Report) -> Estimated | _Refined | None:
+def _by_polynomials(guess: Start, wanted: float, report: Report) -> Solution | _Refined | None:
     """Return contacts of the lowest sufficient degree, or of the best degree if that nearly suffices.
 
     Otherwise the best degree for a comparison with grids, None if there is none.
@@ -237,7 +237,7 @@ def _by_polynomials(guess: Start, wanted: float, report: Report) -> Estimated | 
             error = error_of_one(after)
             reached = max(float(np.max(error)) / reference_force(after), 3.0 * after.smooth.residual)
             if reached <= wanted and is_certified(after):
-                return Estimated(after, error, errors_of_one(after))
+                return Solution(after.problem, after, error, errors_of_one(after))
         elif before is not None:
             error, settled = change(before, after)
             error = np.maximum(error, route_difference(after))
@@ -249,7 +249,7 @@ def _by_polynomials(guess: Start, wanted: float, report: Report) -> Estimated | 
                 error = np.maximum(error, SUMMED * after.precision * felt(after))
             found = _Refined(after, error, errors, reached, settled)
             if found.excess(wanted) <= 1.0 and is_certified(after):
-                return Estimated(after, error, errors)
+                return Solution(after.problem, after, error, errors)
             if math.isfinite(found.excess(wanted)):
                 candidates.append(found)
         before = after
@@ -261,7 +261,7 @@ def _by_polynomials(guess: Start, wanted: float, report: Report) -> Estimated | 
     return best.estimated(wanted) if suffices else best
 
 
-def _on_grids(guess: Start, wanted: float, report: Report, smooth: _Refined | None) -> Estimated:
+def _on_grids(guess: Start, wanted: float, report: Report, smooth: _Refined | None) -> Solution:
     """Return contacts on the coarsest sufficient grid; if none suffices, the better of finest grid and polynomials."""
     last: _Refined | None = None
     levels, fits = grid_levels(guess, report), "fits"
@@ -285,7 +285,7 @@ def _on_grids(guess: Start, wanted: float, report: Report, smooth: _Refined | No
         errors = errors_by_change(last.contacts, contacts, last.errors if is_known else None)
         last = _Refined(contacts, error, errors, float(np.max(error)) / reference_force(contacts), settled)
         if last.excess(wanted) <= 1.0:
-            return Estimated(rested(contacts), error + missed_pulls(contacts), errors)
+            return Solution(guess.problem, rested(contacts), error + missed_pulls(contacts), errors)
     assert last is not None
     assert isinstance(last.contacts, GridContacts)
     if smooth is not None and smooth.excess(wanted) <= last.excess(wanted) and smooth.reached <= USABLE:
@@ -298,7 +298,7 @@ def _on_grids(guess: Start, wanted: float, report: Report, smooth: _Refined | No
         notes = (
             f"only one grid {fits}: T was requested to {wanted:.0e} of its size; its routes differ by {reached:.0e}",
         )
-    return Estimated(rested(last.contacts), error + missed_pulls(last.contacts), last.errors, notes)
+    return Solution(guess.problem, rested(last.contacts), error + missed_pulls(last.contacts), last.errors, notes)
 
 
 def _steep(guess: Start) -> bool:
