@@ -13,10 +13,10 @@ Unless forces are given, these terms also change the approach that the neighbour
 """
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
 from linear_bem.arguments import require_problem
 from linear_bem.arrays import Array
@@ -25,10 +25,11 @@ from linear_bem.depth import given_by_base, large_strain_note
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.indenter import Cone, Punch
 from linear_bem.layer.kernel import LayeredKernel
-from linear_bem.layer.ritz_indentation import Indentation, estimates, indentation_of_layer
+from linear_bem.layer.ritz_indentation import estimates
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.profiles import curvature, is_ball
-from linear_bem.result import BallResult, Result, Solved
+from linear_bem.result import Result, Solved
+from linear_bem.solution import VERSIONS, ball_results
 from linear_bem.solver import solve_contact
 
 LATER_TERMS = 4.0
@@ -50,7 +51,7 @@ FLAT_END = 5.0 / 3.0
 class _Single:
     """A single ball: the ratio of `solve` to the Ritz estimate, interpolated in the logarithm of the approach.
 
-    ``error`` is the relative error of an approach at a given force.
+    Between ``low`` and ``high`` [m]. ``error`` is the relative error of an approach at a given force.
     """
 
     def __init__(self, problem: Problem, ball: Ball, low: float, high: float) -> None:
@@ -59,56 +60,46 @@ class _Single:
         count = 1 if half < 1e-3 else 3 if half < 0.7 else 6
         nodes = np.cos((np.arange(count) + 0.5) * np.pi / count)
         self._middle, self._half = middle, max(half, 1e-12)
+        forces = self._estimates("approach", np.exp(middle + half * nodes))[1]
         rows, errors = [], []
-        for z in nodes:
-            force = self._estimate(approach=float(np.exp(middle + half * z))).normal_force
-            alone = replace(problem, balls=(replace(ball, position=(0.0, 0.0)),), load=Load("force", (force,)))
+        for force, approach, radius in zip(forces, *self._estimates("normal_force", forces)[::2], strict=True):
+            alone = replace(problem, balls=(replace(ball, position=(0.0, 0.0)),), load=Load("force", (float(force),)))
             b = solve_contact(alone).result().balls[0]
-            guess = self._estimate(normal_force=force)
-            square = guess.contact_radius**2
             errors.append(b.errors["approach"] / b.approach)
-            rows.append(
-                [
-                    np.log(b.approach / guess.approach),
-                    np.log(b.contact_area / (np.pi * square)),
-                    b.peak_pressure * square / force,
-                ]
-            )
+            area = b.contact_area / (np.pi * radius**2)
+            rows.append([np.log(b.approach / approach), np.log(area), b.peak_pressure * radius**2 / force])
         self._fit = np.polynomial.chebyshev.chebfit(nodes, np.array(rows), count - 1)
         # the last two terms bound those left out, but for the estimate's roughness between nodes
         self.error = max(errors) + (float(np.max(np.abs(self._fit[-2:, 0]))) + ROUGH if count > 1 else 0.0)
 
-    def _estimate(self, **given: float) -> Indentation:
-        return indentation_of_layer(self._problem.layer, self._problem.substrate, self._radius, **given)
+    def _estimates(self, kind: str, values: Array) -> tuple[Array, Array, Array]:
+        return estimates(self._problem.layer, self._problem.substrate, np.full(len(values), self._radius), kind, values)
 
-    def _correction(self, approach: float) -> Array:
-        z = np.clip((np.log(approach) - self._middle) / self._half, -1.2, 1.2) if self._half > 1e-3 else 0.0
-        return np.asarray(np.polynomial.chebyshev.chebval(z, self._fit))
+    def _correction(self, approaches: Array) -> Array:
+        z = (np.log(np.maximum(approaches, 1e-300)) - self._middle) / self._half
+        return np.asarray(np.polynomial.chebyshev.chebval(np.clip(z, -1.2, 1.2), self._fit))
 
-    def approach(self, force: float) -> float:
-        """Return the approach [m] under a force [N], 0 without force."""
-        if force <= 0.0:
-            return 0.0
-        d = self._estimate(normal_force=force).approach
-        return float(d * np.exp(self._correction(d)[0]))
+    def approach(self, forces: Array) -> Array:
+        """Return the approaches [m] under forces [N], 0 without force."""
+        d = self._estimates("normal_force", forces)[0]
+        return np.asarray(d * np.exp(self._correction(d)[0]))
 
-    def force(self, approach: float) -> float:
-        """Return the force [N] at an approach [m], 0 unless that is positive."""
-        if approach <= 0.0:
-            return 0.0
-        d = approach
+    def force(self, approaches: Array) -> Array:
+        """Return the forces [N] at approaches [m], 0 where those are not positive."""
+        d = approaches
         for _ in range(3):
-            d = approach / float(np.exp(self._correction(d)[0]))
-        return self._estimate(approach=d).normal_force
+            d = approaches / np.exp(self._correction(d)[0])
+        return self._estimates("approach", d)[1]
 
-    def area_and_peak(self, force: float) -> tuple[float, float]:
-        """Return contact area [m^2] and peak pressure [Pa] under a force [N]."""
-        if force <= 0.0:
-            return 0.0, 0.0
-        guess = self._estimate(normal_force=force)
-        c = self._correction(guess.approach)
-        square = guess.contact_radius**2
-        return float(np.pi * square * np.exp(c[1])), float(c[2] * force / square)
+    def area(self, forces: Array) -> Array:
+        """Return the contact areas [m^2] under forces [N]."""
+        d, _, radii = self._estimates("normal_force", forces)
+        return np.asarray(np.pi * radii**2 * np.exp(self._correction(d)[1]))
+
+    def peak(self, forces: Array) -> Array:
+        """Return the peak pressures [Pa] under forces [N]."""
+        d, _, radii = self._estimates("normal_force", forces)
+        return np.asarray(self._correction(d)[2] * forces / np.where(radii > 0.0, radii, 1.0) ** 2)
 
 
 def solve_point_load(problem: Problem) -> Result:
@@ -132,70 +123,48 @@ def solve_point_load(problem: Problem) -> Result:
     kernel = LayeredKernel.of(problem)
     distance = distances(problem.positions)
     mutual = kernel.displacement(distance)
-    singles, state = _coupled(problem, mutual)
-    touch = [s.area_and_peak(v) for s, v in zip(singles, state.forces, strict=True)]
-    areas = np.array([area for area, _ in touch])
-    force, error = _law(problem, kernel, distance, state, areas, np.array([single.error for single in singles]))
-    balls = tuple(
-        BallResult(
-            position=(float(ball.position[0]), float(ball.position[1])),
-            radius=float(ball.radius),
-            approach=float(state.approaches[i]),
-            normal_force=float(state.forces[i]),
-            tangential_force=(float(force[i, 0]), float(force[i, 1])),
-            tangential_force_error=float(error[i]),
-            peak_pressure=touch[i][1],
-            contact_area=touch[i][0],
-            tangential_force_routes={"point_load": (float(force[i, 0]), float(force[i, 1]))},
-        )
-        for i, ball in enumerate(problem.balls)
-    )
+    state, areas, peaks, doubt = _coupled(problem, mutual)
+    force, error = _law(problem, kernel, distance, state, areas, doubt)
+    balls = ball_results(problem, state.approaches, state.forces, {"point_load": force}, error, peaks, areas, {})
     seconds = time.perf_counter() - begun
-    versions = {"numpy": np.__version__, "scipy": scipy.__version__}
     deepest = int(np.argmax(state.approaches))
     base = given_by_base(problem, deepest, state.forces, areas)
     notes = large_strain_note(problem.layer, float(state.approaches[deepest]), base)
-    return Result("point_load", balls, Solved(True, 1, problem.size, seconds, notes=notes, versions=versions))
+    return Result("point_load", balls, Solved(True, 1, problem.size, seconds, notes=notes, versions=VERSIONS))
 
 
-def _coupled(problem: Problem, mutual: Array) -> tuple[list[_Single], PointState]:
-    """Return the relation of every ball and the state of all, whose forces lie in the range of the relations."""
+def _coupled(problem: Problem, mutual: Array) -> tuple[PointState, Array, Array, Array]:
+    """Return the state, contact areas [m^2], peak pressures [Pa] and relative errors of approaches at given forces.
+
+    Balls of one radius and shape share a relation, which holds for the range of their forces.
+    """
     radii = np.array([ball.radius for ball in problem.balls])
     rough = couple(problem, mutual, *estimated_relations(problem.layer, problem.substrate, radii)).effective
+    kinds: dict[tuple[float, object], list[int]] = {}
+    for i, ball in enumerate(problem.balls):
+        kinds.setdefault((ball.radius, ball.shape), []).append(i)
     singles: list[_Single] = []
 
-    def relation(d: Array) -> Array:
-        return np.array([s.force(v) for s, v in zip(singles, d, strict=True)])
-
-    def inverse(q: Array) -> Array:
-        return np.array([s.approach(v) for s, v in zip(singles, q, strict=True)])
+    def of_kinds(values: Array, relation: Callable[[_Single, Array], Array | float]) -> Array:
+        out = np.empty(problem.size)
+        for members, single in zip(kinds.values(), singles, strict=True):
+            out[members] = relation(single, values[members])
+        return out
 
     # unlike a ball's, the force of another body at a given approach may be far from the paraboloid's
     is_known = problem.load.kind == "force" or all(is_ball(ball) for ball in problem.balls)
     for _ in range(1 if is_known else 10):
-        singles[:] = _singles(problem, rough)
-        state = couple(problem, mutual, relation, inverse)
+        singles.clear()
+        for members in kinds.values():
+            pressed = rough[members][rough[members] > 0.0]
+            low, high = (pressed.min(), pressed.max()) if pressed.size else (np.max(rough), np.max(rough))
+            singles.append(_Single(problem, problem.balls[members[0]], float(low), float(high)))
+        state = couple(problem, mutual, lambda d: of_kinds(d, _Single.force), lambda q: of_kinds(q, _Single.approach))
         before, rough = rough, estimates(problem.layer, problem.substrate, radii, "normal_force", state.forces)[0]
         if np.allclose(rough, before, rtol=1e-3, atol=0.0):
             break
-    return singles, state
-
-
-def _singles(problem: Problem, rough: Array) -> list[_Single]:
-    """Return one relation per ball for its force, that of a paraboloid at the ``rough`` effective approach [m].
-
-    Balls of one radius and shape share a relation.
-    """
-    kinds: dict[tuple[float, object], list[int]] = {}
-    for i, ball in enumerate(problem.balls):
-        kinds.setdefault((ball.radius, ball.shape), []).append(i)
-    out: dict[int, _Single] = {}
-    for members in kinds.values():
-        pressed = rough[members][rough[members] > 0.0]
-        low, high = (pressed.min(), pressed.max()) if pressed.size else (np.max(rough), np.max(rough))
-        shared = _Single(problem, problem.balls[members[0]], float(low), float(high))
-        out.update(dict.fromkeys(members, shared))
-    return [out[i] for i in range(problem.size)]
+    areas, peaks = (of_kinds(state.forces, of_force) for of_force in (_Single.area, _Single.peak))
+    return state, areas, peaks, of_kinds(state.forces, lambda single, _: single.error)
 
 
 def _law(

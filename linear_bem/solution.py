@@ -17,6 +17,7 @@ from linear_bem.problem import Problem
 from linear_bem.result import BallResult, Result, Solved
 from linear_bem.smooth.contacts import SmoothContacts
 
+VERSIONS = {"numpy": np.__version__, "scipy": scipy.__version__}
 CERTIFIED = 1e-3
 """Largest recomputed residual (over approach, peak pressure, load) of an accepted solution."""
 
@@ -96,28 +97,17 @@ class Solution:
 
     def result(self) -> Result:
         """Return the numbers in the format that all models share."""
-        c = self.contacts
-        balls = tuple(
-            BallResult(
-                position=(float(ball.position[0]), float(ball.position[1])),
-                radius=float(ball.radius),
-                approach=float(c.approaches[i]),
-                normal_force=float(c.normal_forces[i]),
-                tangential_force=_pair(c.mutual_force[i]),
-                tangential_force_error=float(self.tangential_force_error[i]),
-                peak_pressure=float(c.peak_pressures[i]),
-                contact_area=float(c.contact_areas[i]),
-                tangential_force_routes={"mutual": _pair(c.mutual_force[i]), "slope": _pair(c.slope_force[i])},
-                errors={name: float(error[i]) for name, error in self.errors.items()},
-            )
-            for i, ball in enumerate(self.problem.balls)
+        c, routes = self.contacts, {"mutual": self.contacts.mutual_force, "slope": self.contacts.slope_force}
+        error, errors = self.tangential_force_error, self.errors
+        balls = ball_results(
+            self.problem, c.approaches, c.normal_forces, routes, error, c.peak_pressures, c.contact_areas, errors
         )
         solved = Solved(
             converged=True,
             iterations=c.iterations,
             unknowns=c.unknowns,
             seconds=self.seconds,
-            versions={"numpy": np.__version__, "scipy": scipy.__version__},
+            versions=VERSIONS,
             notes=self.notes,
             certificate=c.certificate,
             tolerances=dict.fromkeys(c.certificate, CERTIFIED),
@@ -126,8 +116,35 @@ class Solution:
         return Result(model="linear_bem", balls=balls, solved=solved)
 
 
-def _pair(v: Array) -> tuple[float, float]:
-    return float(v[0]), float(v[1])
+def ball_results(
+    problem: Problem,
+    approaches: Array,
+    normal_forces: Array,
+    routes: Mapping[str, Array],
+    error: Array,
+    peak_pressures: Array,
+    contact_areas: Array,
+    errors: Mapping[str, Array],
+) -> tuple[BallResult, ...]:
+    """Return the results of all balls from arrays with one entry per ball; T is that of the first of ``routes``."""
+    out = []
+    for i, ball in enumerate(problem.balls):
+        forces = {name: (float(t[i, 0]), float(t[i, 1])) for name, t in routes.items()}
+        out.append(
+            BallResult(
+                position=(float(ball.position[0]), float(ball.position[1])),
+                radius=float(ball.radius),
+                approach=float(approaches[i]),
+                normal_force=float(normal_forces[i]),
+                tangential_force=next(iter(forces.values())),
+                tangential_force_error=float(error[i]),
+                peak_pressure=float(peak_pressures[i]),
+                contact_area=float(contact_areas[i]),
+                tangential_force_routes=forces,
+                errors={name: float(values[i]) for name, values in errors.items()},
+            )
+        )
+    return tuple(out)
 
 
 def solved(solution: object, what: str) -> Solution:
