@@ -76,23 +76,32 @@ def couple(
     ``report`` receives a line per Newton step. Raises `NotConverged`.
     """
     values = np.array(problem.load.values, dtype=float)
+
+    def solved(approaches: Array, start: Array) -> PointState:
+        scale = deepest(approaches)
+
+        def with_slope(d: Array) -> tuple[Array, Array]:
+            report("coupled point loads")
+            force, step = relation(d), np.maximum(1e-6 * np.abs(d), 1e-9 * scale)
+            return force, (relation(d + step) - force) / step
+
+        effective = effective_approaches(mutual, with_slope, approaches, start, tolerance)
+        return PointState(effective, approaches, relation(effective))
+
     if problem.load.kind == "force":
         effective = inverse(values)
         return PointState(effective, effective + mutual @ values, values)
     if problem.load.kind == "approach":
-        effective = _effective(mutual, relation, values, values, tolerance, report)
-        return PointState(effective, values, relation(effective))
+        return solved(values, values)
     total = float(values[0])
     equal = np.full(problem.size, total / problem.size)
-    start = inverse(equal)
-
-    last = start
+    start = last = inverse(equal)
 
     def state(common: float) -> PointState:
         nonlocal last
-        approaches = np.full(problem.size, common)
-        last = _effective(mutual, relation, approaches, last, tolerance, report)
-        return PointState(last, approaches, relation(last))
+        found = solved(np.full(problem.size, common), last)
+        last = found.effective
+        return found
 
     def excess(common: float) -> float:
         difference = float(np.sum(state(common).forces)) - total
@@ -105,20 +114,6 @@ def couple(
     while excess(lower) > 0.0:
         lower *= 0.5
     return state(brentq(excess, lower, upper, xtol=1e-15 * upper, rtol=max(1e-14, tolerance)))
-
-
-def _effective(
-    mutual: Influence, relation: Relation, approaches: Array, start: Array, tolerance: float, report: Report
-) -> Array:
-    """Return the effective approaches [m] for a relation whose derivative is formed by finite differences."""
-    scale = deepest(approaches)
-
-    def with_slope(d: Array) -> tuple[Array, Array]:
-        report("coupled point loads")
-        force, step = relation(d), np.maximum(1e-6 * np.abs(d), 1e-9 * scale)
-        return force, (relation(d + step) - force) / step
-
-    return effective_approaches(mutual, with_slope, approaches, start, tolerance)
 
 
 def effective_approaches(
