@@ -10,7 +10,7 @@ displaced, by a direct sum over them. Its T follows from another direct sum. Thi
 degrees, pairs and mesh. Only the pressures of the others are kept; their errors have an effect of second order.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,6 +65,8 @@ SHARPER = 4
 """Increase of the degree of p^2 over the solver's."""
 WIDER, ROUND = 1.2, 10
 """Radius of the disc on which a polynomial represents the others' displacement, over the contact's; its degree."""
+Solve = Callable[[Guess, int, float, float, Report], SmoothContacts]
+"""`solve_smooth` or `smooth_state`."""
 BYTES = 130e3
 """Memory per ball; measured: 60 kB at degree 4, 120 kB at degree 6."""
 
@@ -82,7 +84,8 @@ def solve_by_sample(guess: Start, wanted: float, report: Report, size: int | Non
     """
     best: Solution | None = None
     contacts: SmoothContacts | None = None
-    start, share = _rough(guess, wanted, report)
+    start = _at_degree(guess, 2, ROUGH, PAIRS * wanted, report, solve_smooth)
+    share = float(np.max(np.abs(start.mutual_force))) / max(float(np.max(pulls(start))), 1e-300)
     sharpest = max(AGAIN * wanted, FINEST)
     pairs = min(PAIRS * wanted, max(PULLED * share * wanted, sharpest))
     wide = bool(np.max(start.zones.reach) > WIDE * guess.kernel.thickness)
@@ -113,48 +116,33 @@ def solve_by_sample(guess: Start, wanted: float, report: Report, size: int | Non
     return best
 
 
-def _rough(start: Start, wanted: float, report: Report) -> tuple[SmoothContacts, float]:
-    """Return the contacts at degree 2, and the largest T there over the largest of `pulls`."""
-    for _ in range(CHANGES):
-        try:
-            contacts = solve_smooth(start, 2, ROUGH, PAIRS * wanted, report)
-        except Lost as lost:
-            start = _without(start, lost)
-            continue
-        largest = float(np.max(np.abs(contacts.mutual_force)))
-        return contacts, largest / max(float(np.max(pulls(contacts))), 1e-300)
-    raise NotConverged(f"linear_bem: balls lost contact {CHANGES} times; press them deeper or closer to equal depth")
-
-
 def _settled(start: SmoothContacts, degree: int, wanted: float, pairs: float) -> SmoothContacts:
     """Return the contacts at a degree, swept until T has settled: on a thin layer T is a small sum of large terms."""
-    contacts = _at_degree(start, degree, SWEPT * wanted, pairs)
+    contacts = _at_degree(start, degree, SWEPT * wanted, pairs, start.report)
     left, most = LEFT * wanted * reference_force(contacts), float(np.max(felt(contacts)))
     if contacts.smooth.residual * most <= left:  # `felt` is 0 for a single ball
         return contacts
     try:
-        return _at_degree(contacts, degree, left / most, pairs)
+        return _at_degree(contacts, degree, left / most, pairs, start.report)
     except NotConverged:
         return contacts
 
 
-def _at_degree(before: SmoothContacts, degree: int, swept: float, pairs: float) -> SmoothContacts:
-    start: Guess = before
+def _at_degree(
+    start: Guess, degree: int, swept: float, pairs: float, report: Report, solve: Solve = smooth_state
+) -> SmoothContacts:
+    """Return the contacts at a degree; balls may lose contact and, with `smooth_state`, come into contact."""
     for _ in range(CHANGES):
         try:
-            return smooth_state(start, degree, swept, pairs, before.report)
+            return solve(start, degree, swept, pairs, report)
         except Lost as lost:
-            before.report(f"{len(start.touching) - len(lost.kept)} ball(s) lose contact")
-            start = _without(start, lost)
+            report(f"{len(start.touching) - len(lost.kept)} ball(s) lose contact")
+            touching = tuple(start.touching[k] for k in lost.kept)
+            start = Start(start.problem, start.kernel, touching, lost.zones, start.approaches)
         except Touched as touched:
-            before.report(f"{len(touched.zones)} ball(s) come into contact")
+            report(f"{len(touched.zones)} ball(s) come into contact")
             start = touched.added_to(touched.contacts)
     raise NotConverged(f"linear_bem: balls changed contact {CHANGES} times; press them deeper or closer to equal depth")
-
-
-def _without(start: Guess, lost: Lost) -> Start:
-    touching = tuple(start.touching[k] for k in lost.kept)
-    return Start(start.problem, start.kernel, touching, lost.zones, start.approaches)
 
 
 def _judged(contacts: SmoothContacts, wanted: float, report: Report) -> Solution:
