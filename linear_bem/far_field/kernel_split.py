@@ -63,13 +63,13 @@ class Split:
         """Return the part of K/``singular`` on the mesh [1/m]; finite at r = 0."""
         r = np.maximum(r, 1e-6 * self.width)
         if self.thin:
-            return np.asarray(self._rise(r) * self.kernel.scaled(r))
-        return np.asarray(self._rise(r) / r + self.kernel.smooth(r))
+            return np.asarray((1.0 - self.fall(r)) * self.kernel.scaled(r))
+        return np.asarray((1.0 - self.fall(r)) / r + self.kernel.smooth(r))
 
     def far_slope(self, r: Array) -> Array:
         """Return the derivative of `far` [1/m^2]."""
         r = np.maximum(r, 1e-3 * self.width)
-        w, dw = self._rise(r), self.rise_slope(r)
+        w, dw = 1.0 - self.fall(r), self.rise_slope(r)
         if self.thin:
             return np.asarray(dw * self.kernel.scaled(r) + w * self.kernel.scaled_slope(r))
         return np.asarray((dw - w / r) / r + self.kernel.smooth_slope(r))
@@ -102,10 +102,6 @@ class Split:
         found, place = np.unique(np.round(waves * cut, 9), return_inverse=True)
         taken = np.array([rings @ j0(one * t**2) for one in found])
         return np.asarray(whole - taken[place].reshape(waves.shape))
-
-    def _rise(self, r: Array) -> Array:
-        d, s = self.width, self.step
-        return np.asarray(0.5 * (erf((r - s) / d) + erf((r + s) / d)) if s else erf(r / d))
 
     def fall(self, r: Array) -> Array:
         """Return 1 - w."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import irfft2, next_fast_len, rfft2
+from scipy.interpolate import BSpline, PPoly
 from scipy.sparse import csr_matrix
 
 from linear_bem.arrays import Array, Indices
@@ -21,16 +22,7 @@ from linear_bem.errors import NotConverged
 
 ORDER = 8
 """Order of the B-splines (degree 7): 64 nodes per point."""
-
-
-def _splines(offset: Array, order: int) -> list[Array]:
-    """Return M_order(offset + j) for j = 0, ..., order - 1; M is the B-spline on [0, order], offset in [0, 1)."""
-    values = [np.ones_like(offset)]
-    for m in range(2, order + 1):
-        above = [*values, np.zeros_like(offset)]
-        below = [np.zeros_like(offset), *values]
-        values = [((offset + j) * above[j] + (m - j - offset) * below[j]) / (m - 1) for j in range(m)]
-    return values
+SPLINE = PPoly.from_spline(BSpline.basis_element(np.arange(ORDER + 1.0)))
 
 
 @dataclass(frozen=True)
@@ -82,12 +74,11 @@ class ParticleMesh:
         for axis, at in enumerate((x, y)):
             scaled = (np.ravel(at) - self.origin[owner, axis]) / self.spacing[axis]
             base = np.floor(scaled)
-            values = np.stack(_splines(scaled - base, ORDER), axis=1)
-            weights.append(values)
+            offsets = (scaled - base)[:, None] + np.arange(ORDER)
+            weights.append(SPLINE(offsets))
             indices.append(self._columns(base, axis, owner))
             if slopes:
-                lower = np.stack([*_splines(scaled - base, ORDER - 1), np.zeros_like(scaled)], axis=1)
-                derivatives.append((lower - np.roll(lower, 1, axis=1)) / self.spacing[axis])
+                derivatives.append(SPLINE(offsets, 1) / self.spacing[axis])
         ends = np.cumsum(np.prod(self.nodes, axis=1))
         first = (ends - np.prod(self.nodes, axis=1))[owner].astype(np.int32)
         of_rows = first[:, None] + indices[0] * self.nodes[owner, 1].astype(np.int32)[:, None]
@@ -201,6 +192,6 @@ def periodic_shape(lengths: Array, spacing: float) -> tuple[int, int]:
 
 def _factor(waves: Array) -> Array:
     """Return 1/b at wave numbers in cycles per spacing."""
-    at_whole = [float(v[0]) for v in _splines(np.zeros(1), 2 * ORDER)]
+    at_whole = BSpline.basis_element(np.arange(2 * ORDER + 1.0))(np.arange(2 * ORDER))
     b = at_whole[ORDER] + 2.0 * sum(at_whole[ORDER + j] * np.cos(2.0 * np.pi * j * waves) for j in range(1, ORDER))
     return np.asarray(1.0 / b)
