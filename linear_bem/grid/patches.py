@@ -21,7 +21,7 @@ from scipy import fft
 
 from linear_bem.arrays import Array, Indices, Mask, hypotenuse
 from linear_bem.layer.kernel import LayeredKernel
-from linear_bem.layer.rectangle_load import graded_rule, love_cells, love_rectangle, love_slopes
+from linear_bem.layer.rectangle_load import graded_rule, love_rectangle, love_slopes
 from linear_bem.report import Report, seldom, silent
 
 
@@ -90,7 +90,7 @@ class Patch:
         """Displacement per pressure times ``singular`` [m] at offsets (i, j) >= 0 from a loaded cell, (nx, ny)."""
         d = self.cell
         x, y = self._offsets
-        total = love_cells(self.nx, self.ny, d)
+        total = love_rectangle(x, y, 0.5 * d, 0.5 * d)
         if not self.kernel.homogeneous:
             # beyond some thicknesses K tends to the substrate's share of 1/r: the rest of 1/r is cancelled by the
             # smooth kernel, so both are integrated by the same rule
@@ -131,7 +131,7 @@ class Patch:
         """Transforms of d/dx and d/dy of the cells' influence (odd, so that a cell exerts no force on itself)."""
         d = self.cell
         x, y = self._offsets
-        along_x, along_y = love_slopes(self.nx, self.ny, d)
+        along_x, along_y = love_slopes(x, y, 0.5 * d)
         if not self.kernel.homogeneous:
             r = np.maximum(np.hypot(x, y), 1e-3 * d)
             far = r > 6.0 * self.kernel.thickness

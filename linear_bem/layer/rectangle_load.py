@@ -1,5 +1,7 @@
 """Displacement under a uniformly loaded rectangle or square (the paper's figure 8)."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
@@ -16,30 +18,22 @@ def love_rectangle(x: ArrayLike, y: ArrayLike, half_x: float, half_y: float) -> 
 
     Closed form of [Love 1929, Phil. Trans. R. Soc. A 228, 377, doi 10.1098/rsta.1929.0009; Johnson 1985, eq. 3.25].
     """
+    return _of_corners(_corner, x, y, half_x, half_y)
+
+
+def love_slopes(x: ArrayLike, y: ArrayLike, half: float) -> tuple[Array, Array]:
+    """Return the x and y derivatives of `love_rectangle` of a square, off the lines of its edges."""
+
+    def across(a: Array, b: Array) -> Array:
+        return np.arcsinh(b / np.abs(a))
+
+    return _of_corners(across, x, y, half, half), _of_corners(lambda a, b: across(b, a), x, y, half, half)
+
+
+def _of_corners(f: Callable[[Array, Array], Array], x: ArrayLike, y: ArrayLike, half_x: float, half_y: float) -> Array:
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
-    return (
-        _corner(x + half_x, y + half_y)
-        - _corner(x + half_x, y - half_y)
-        - _corner(x - half_x, y + half_y)
-        + _corner(x - half_x, y - half_y)
-    )
-
-
-def love_cells(count_x: int, count_y: int, cell: float) -> Array:
-    """Return `love_rectangle` of one square cell at the centres of all cells at offsets (i, j) >= 0 from it."""
-    x, y = _edges(count_x, count_y, cell)
-    return np.asarray(np.diff(np.diff(_corner(x, y), axis=0), axis=1))
-
-
-def love_slopes(count_x: int, count_y: int, cell: float) -> tuple[Array, Array]:
-    """Return the x and y derivatives of `love_rectangle`, at the same points as `love_cells`."""
-    x, y = _edges(count_x, count_y, cell)
-    along_x, along_y = np.arcsinh(y / np.abs(x)), np.arcsinh(x / np.abs(y))
-    return np.diff(np.diff(along_x, axis=0), axis=1), np.diff(np.diff(along_y, axis=0), axis=1)
-
-
-def _edges(count_x: int, count_y: int, cell: float) -> tuple[Array, Array]:
-    return cell * (np.arange(count_x + 1) - 0.5)[:, None], cell * (np.arange(count_y + 1) - 0.5)
+    right, left = (f(x + side, y + half_y) - f(x + side, y - half_y) for side in (half_x, -half_x))
+    return np.asarray(right - left)
 
 
 def _corner(a: Array, b: Array) -> Array:
@@ -50,14 +44,9 @@ def _corner(a: Array, b: Array) -> Array:
 
 def graded_rule(low: float, high: float, finest: float, order: int = 6) -> tuple[Array, Array]:
     """Return Gauss nodes and weights on an interval, panels doubling from ``finest`` away from zero."""
-    edges = {low, high}
-    if low < 0.0 < high:
-        edges.add(0.0)
-    e = finest
-    while e < max(-low, high):
-        edges |= {c for c in (e, -e) if low < c < high}
-        e *= 2.0
-    return panels(np.array(sorted(edges)), order)
+    beside = finest * 2.0 ** np.arange(64.0)
+    edges = np.concatenate([-beside[::-1], [0.0], beside])
+    return panels(np.array([low, *edges[(low < edges) & (edges < high)], high]), order)
 
 
 def uniform_square_displacement(
