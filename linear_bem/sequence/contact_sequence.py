@@ -1,5 +1,6 @@
 """Sequences of similar scenes: each is solved from the previous solution, in milliseconds."""
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,11 +16,13 @@ from linear_bem.load_control import deepest, force_groups, unloaded
 from linear_bem.problem import Problem
 from linear_bem.profiles import is_ball
 from linear_bem.sequence.linearised import LinearisedContacts, LinearState
-from linear_bem.smooth.initial_guess import Guess, first_guess
+from linear_bem.smooth.initial_guess import first_guess
 from linear_bem.smooth.tangential_forces import half_space_pulls
 from linear_bem.solver import solve_contact
 
 DEGREES = (4, 6, 8)
+FAILED = NotConverged, np.linalg.LinAlgError, FloatingPointError
+"""After these the next, slower way is tried."""
 TOLERANCE = 1e-3
 """Residual of a cold solution over the accuracy; part of the error of T."""
 GAP_SHARE = 0.1
@@ -75,44 +78,34 @@ class ContactSequence:
         """Return the state of one scene, from the previous scene if that is close enough."""
         require_supported(problem)
         problem = problem.without_empty_layer()
-        if self._contacts is not None and self._before is not None and _alike(self._before, problem):
-            try:
-                state = self._warm(problem, self._contacts)
-            except (NotConverged, np.linalg.LinAlgError, FloatingPointError):
-                state = None
-            if state is not None:
-                self._before = problem
-                return state
-        return self._cold(problem)
-
-    def _cold(self, problem: Problem) -> SequenceState:
-        self._contacts, self._before = None, problem
-        try:
-            state = self._started(problem) if problem.periodic is None else None
-        except (NotConverged, np.linalg.LinAlgError):
-            state = None
-        if state is not None:
-            return replace(state, cold=True)
+        contacts, before, self._before = self._contacts, self._before, problem
+        self._contacts = None
+        if contacts is not None and before is not None and _alike(before, problem):
+            with suppress(*FAILED):
+                if (state := self._warm(problem, contacts)) is not None:
+                    return state
+        if problem.periodic is None:
+            with suppress(*FAILED):
+                if (state := self._started(problem)) is not None:
+                    return replace(state, cold=True)
         solution = solve_contact(problem, self.accuracy)
-        contacts = solution.contacts
+        found = solution.contacts
         return SequenceState(
-            approaches=contacts.approaches,
-            normal_forces=contacts.normal_forces,
-            tangential_force=contacts.mutual_force,
+            approaches=found.approaches,
+            normal_forces=found.normal_forces,
+            tangential_force=found.mutual_force,
             tangential_force_error=solution.tangential_force_error,
-            gap_in_contact=contacts.certificate["gap_in_contact"],
+            gap_in_contact=found.certificate["gap_in_contact"],
             cold=True,
         )
 
     def _started(self, problem: Problem) -> SequenceState | None:
         """Return the state by the lowest sufficient degree, None if none suffices."""
         kernel = LayeredKernel.of(problem)
-        start: Guess = first_guess(problem, kernel)
-        for degree in (2, *DEGREES):
-            contacts = smooth_state(start, degree, TOLERANCE * self.accuracy)
-            start, self._approaches = contacts, contacts.approaches
-            if degree not in DEGREES:
-                continue
+        contacts = smooth_state(first_guess(problem, kernel), 2, TOLERANCE * self.accuracy)
+        for degree in DEGREES:
+            contacts = smooth_state(contacts, degree, TOLERANCE * self.accuracy)
+            self._approaches = contacts.approaches
             state = self._warm(problem, LinearisedContacts(problem, kernel, contacts.touching, contacts.zones))
             if state is not None:
                 return state
@@ -124,7 +117,6 @@ class ContactSequence:
         places = problem.positions[touching]
         values = self._approaches if problem.load.kind != "approach" else np.array(problem.load.values, dtype=float)
         groups = force_groups(problem.load, touching, contacts.kernel.singular)
-        self._contacts = None
         for _ in range(5):
             state = contacts.solve(places, values[touching], groups)
             if not np.isfinite(state.drift) or np.any(state.forces <= 0.0):
