@@ -9,26 +9,42 @@ unknown the equations are semismooth and monotone, and balls with d <= 0 carry n
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from inspect import signature
+from typing import Protocol
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.sparse.linalg import LinearOperator, cg
 from scipy.spatial.distance import pdist, squareform
 
-from linear_bem.arrays import Array
+from linear_bem.arrays import Array, Mask
 from linear_bem.errors import NotConverged
-from linear_bem.far_field.coupled_system import Influence, solve_coupled
+from linear_bem.far_field.pairs_and_mesh import PointInfluence
 from linear_bem.layer.ritz_indentation import estimates
 from linear_bem.load_control import deepest
 from linear_bem.media import Elastic, Layer
 from linear_bem.problem import Problem
 from linear_bem.report import Report, silent
 
+
+class Influence(Protocol):
+    """K(L_ij) between balls, 0 on the diagonal, as an operator: a matrix, or near pairs and a mesh."""
+
+    def __matmul__(self, loads: Array, /) -> Array:
+        """Return the displacement [m] at every ball from the loads [N] on the others."""
+        ...
+
+
 Relation = Callable[[Array], Array]
 """Forces [N] of balls from effective approaches [m] (0 where those are not positive)."""
-RelationAndSlope = Callable[[Array], tuple[Array, Array]]
-"""The same with the derivatives [N/m]."""
-
-
+DIRECT = 600
+"""Number of balls up to which the matrix is formed and factored."""
+FEW = 30
+"""The same where products with the influence need a mesh."""
+RESIDUAL = 1e-10
+"""Relative residual of conjugate gradients."""
+_NAMED = "rtol" if "rtol" in signature(cg).parameters else "tol"
+"""scipy's keyword of that residual: `rtol` since 1.12, `tol` before 1.14."""
 INEXACT = 1e-5
 """Relative residual of each linear system: three Newton steps reach 1e-13, with 0.6 of the matrix products of 1e-10."""
 
@@ -117,12 +133,16 @@ def couple(
 
 
 def effective_approaches(
-    mutual: Influence, relation: RelationAndSlope, approaches: Array, start: Array, tolerance: float = 1e-13
+    mutual: Influence,
+    relation: Callable[[Array], tuple[Array, Array]],
+    approaches: Array,
+    start: Array,
+    tolerance: float = 1e-13,
 ) -> Array:
     """Return the effective approaches [m] under given ones [m], by a damped semismooth Newton method.
 
-    ``start`` [m] is the first guess; ``tolerance`` bounds the residual over the largest approach.
-    Raises `NotConverged`.
+    ``relation`` is a `Relation` with the derivatives [N/m]; ``start`` [m] is the first guess; ``tolerance`` bounds the
+    residual over the largest approach. Raises `NotConverged`.
     """
     d, scale = start, deepest(approaches)
 
@@ -157,3 +177,34 @@ def effective_approaches(
         f"point loads: the effective approaches did not converge, residual {norm:.1e} m of approach {scale:.1e} m; "
         "press the balls less deep"
     )
+
+
+def solve_coupled(
+    influence: Influence, compliance: Array, right: Array, free: Mask, residual: float = RESIDUAL
+) -> Array:
+    """Solve (diag(``compliance``) + K) loads = ``right`` at ``free`` balls and return the loads, 0 at the others.
+
+    Large systems are solved by conjugate gradients to ``residual``, relative to ``right``. The matrix is positive
+    definite, because any pressures on separate areas store energy. Raises `NotConverged`.
+    """
+    count = len(right)
+    if isinstance(influence, PointInfluence) and count <= DIRECT and influence.mesh is None:
+        influence = influence.near.toarray() - influence.own * np.eye(count)
+    elif isinstance(influence, PointInfluence) and count <= FEW:
+        influence = np.array([influence @ load for load in np.eye(count)])
+    if isinstance(influence, np.ndarray) and count <= DIRECT:
+        matrix = influence[np.ix_(free, free)] + np.diag(compliance[free])
+        out = np.zeros(count)
+        out[free] = np.linalg.solve(matrix, right[free])
+        return out
+    if np.any(compliance[free] <= 0.0):
+        raise NotConverged("point loads: a ball's own compliance is not positive; press the balls less deep")
+    # symmetric scaling by the compliances makes the diagonal 1
+    scale = np.where(free, 1.0 / np.sqrt(np.where(free, compliance, 1.0)), 0.0)
+    operator = LinearOperator((count, count), lambda q: q + scale * (influence @ (scale * q)))
+    found, failed = cg(operator, scale * right, atol=0.0, maxiter=1000, **{_NAMED: residual})
+    if failed:
+        raise NotConverged(
+            f"point loads: conjugate gradients did not reach a residual of {residual:g}; press the balls less deep"
+        )
+    return np.asarray(scale * found)

@@ -18,8 +18,8 @@ from dataclasses import replace
 import numpy as np
 
 from linear_bem.arrays import Array, Indices, Mask
+from linear_bem.coupled_point_loads import Influence, solve_coupled
 from linear_bem.errors import NotConverged
-from linear_bem.far_field.coupled_system import Influence, solve_coupled
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
 from linear_bem.profiles import Height

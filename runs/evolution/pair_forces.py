@@ -26,9 +26,8 @@ from scipy.interpolate import Akima1DInterpolator, CubicSpline, make_interp_spli
 from scipy.sparse.linalg import LinearOperator
 
 from linear_bem.arrays import Array
-from linear_bem.coupled_point_loads import effective_approaches
+from linear_bem.coupled_point_loads import Influence, effective_approaches
 from linear_bem.errors import NotConverged
-from linear_bem.far_field.coupled_system import Influence
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.point_load import neglected, next_terms, on_slopes, unsure
 from linear_bem.problem import Problem

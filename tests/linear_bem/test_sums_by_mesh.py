@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 import scipy.sparse.linalg
 
-from linear_bem import Ball, Elastic, Layer, LayeredKernel, solve, solve_contact
-from linear_bem.far_field import coupled_system
-from linear_bem.far_field.coupled_system import solve_coupled
+from linear_bem import Ball, Elastic, Layer, LayeredKernel, coupled_point_loads, solve, solve_contact
+from linear_bem.coupled_point_loads import solve_coupled
 from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
 from linear_bem.smooth.displacement import DirectSums
 from linear_bem.smooth.tangential_forces import SUMMED, half_space_pulls, layer_pulls
@@ -59,14 +58,14 @@ def test_conjugate_gradients_run_under_every_scipy(monkeypatch):
     asked = []
     with monkeypatch.context() as patched:
         patched.setattr(scipy.sparse.linalg, "cg", newer)
-        module = importlib.reload(coupled_system)
+        module = importlib.reload(coupled_point_loads)
         points = np.stack([np.arange(700.0), np.zeros(700)], axis=1)
         influence = PointInfluence(
             FarField.of(LayeredKernel(Layer(1.0, 0.3, np.inf)), points, np.array(0.0), 1e-5), points
         )
         module.solve_coupled(influence, np.ones(700), np.ones(700), np.ones(700, dtype=bool))
-    importlib.reload(coupled_system)
-    assert asked == [coupled_system.RESIDUAL]
+    importlib.reload(coupled_point_loads)
+    assert asked == [coupled_point_loads.RESIDUAL]
 
 
 def test_the_scale_of_the_forces_is_within_five_per_cent_of_the_whole_sum():
