@@ -1,4 +1,4 @@
-"""Sequences of similar scenes: each is solved from the previous solution, in milliseconds."""
+"""Scenes close to a solved one: sequences, each solved from the previous solution, in milliseconds; T of one scene."""
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -16,11 +16,15 @@ from linear_bem.load_control import deepest, force_groups, unloaded
 from linear_bem.problem import Problem
 from linear_bem.profiles import is_ball
 from linear_bem.sequence.linearised import LinearisedContacts, LinearState
-from linear_bem.smooth.initial_guess import first_guess
+from linear_bem.smooth.contacts import CHECKED, SmoothContacts
+from linear_bem.smooth.initial_guess import Start, first_guess
 from linear_bem.smooth.tangential_forces import half_space_pulls
+from linear_bem.solution import Solution
 from linear_bem.solver import solve_contact
 
 DEGREES = (4, 6, 8)
+SOLVED = 1e-6
+"""Largest last step of the solver, over the largest coefficient of a pressure, of states used by `nearby_forces`."""
 FAILED = NotConverged, np.linalg.LinAlgError, FloatingPointError
 """After these the next, slower way is tried."""
 TOLERANCE = 1e-3
@@ -176,3 +180,28 @@ def _lifted_may_touch(problem: Problem, kernel: LayeredKernel, state: SequenceSt
     # the surface's slope under a lifted ball takes a few per cent of the displacement; others may touch at their rim
     margin = np.array([0.05 if is_ball(problem.balls[i]) else 1.0 for i in lifted]) * np.abs(dent)
     return bool(np.any(state.approaches[lifted] > dent - margin))
+
+
+def nearby_forces(near: Solution, problem: Problem) -> Array | None:
+    """Return T [N] on every ball (balls, 2) of a problem that differs by a per cent or so from that of ``near``.
+
+    The degree is that of ``near``, so that most of the error cancels in the difference of both; no error is estimated.
+    None where the contacts are on grids, merge, or gain or lose a ball, for many balls, and for another kind of load or
+    model: these need `solve_contact`.
+    """
+    contacts, problem = near.contacts, problem.without_empty_layer().in_cell()
+    if not isinstance(contacts, SmoothContacts) or len(contacts.touching) > CHECKED or contacts.sampled is not None:
+        return None
+    before, now = near.problem.load, problem.load
+    alike = problem.size == near.problem.size and before.kind == now.kind and unloaded(before) == unloaded(now)
+    if problem.finite_strain is not None or not alike:
+        return None
+    moved = (problem.positions - contacts.problem.positions)[list(contacts.touching)]
+    zones = replace(contacts.zones, centre=contacts.zones.centre + moved)
+    approaches = np.array(problem.load.values) if problem.load.kind == "approach" else contacts.approaches
+    start = Start(problem, LayeredKernel.of(problem), contacts.touching, zones, approaches)
+    try:
+        found = smooth_state(start, zones.degree, contacts.precision)
+    except NotConverged:
+        return None
+    return found.mutual_force if found.smooth.residual <= SOLVED else None

@@ -21,8 +21,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from linear_bem.errors import InvalidProblem, ThirdBodyError
-from linear_bem.nearby import nearby_forces
 from linear_bem.problem import Problem
+from linear_bem.sequence.contact_sequence import nearby_forces
 from linear_bem.solution import Solution
 from linear_bem.touching import wrapped
 from runs.comparison.strengthening_factors import ROUNDOFF

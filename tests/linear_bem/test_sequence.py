@@ -21,7 +21,7 @@ from linear_bem import (
     solve,
     solve_contact,
 )
-from linear_bem.nearby import nearby_forces
+from linear_bem.sequence.contact_sequence import nearby_forces
 from linear_bem.sequence.linearised import LinearisedContacts
 
 ACCURACY = 1e-2
