@@ -55,9 +55,10 @@ def overlap_faults(whole: Mapping[int, Body], positions: Array, cell: Array | No
     if faults:
         return faults
     numbers = np.array(list(whole))
-    pairs = _near_pairs(numbers, positions, np.array([largest_half_width(*body) for body in whole.values()]), cell)
+    reach = 2.0 * np.array([largest_half_width(*body) for body in whole.values()])
+    pairs = numbers[near_pairs(wrapped(positions[numbers], cell), reach, cell)]
     found: list[tuple[float, float, int, int, bool]] = []
-    for i, j in pairs.tolist():
+    for i, j in sorted(pairs.tolist()):
         between = positions[j] - positions[i]
         away = np.zeros(2) if cell is None else cell * np.round(between / cell)
         between -= away
@@ -88,15 +89,13 @@ def axis_faults(radii: Array, positions: Array, cell: Array | None) -> list[str]
     return [f"balls.positions: balls {i} and {j} must not stand on one axis{others}; move one of them, or leave it out"]
 
 
-def _near_pairs(numbers: Indices, positions: Array, half_widths: Array, cell: Array | None) -> Indices:
-    """Return the pairs of bodies (pairs, 2), in order, whose axes are at most twice the larger half width apart."""
-    inside = wrapped(positions[numbers], cell)
-    near = cKDTree(inside, boxsize=cell).query_ball_point(inside, 2.0 * half_widths)
-    first, second = np.repeat(np.arange(len(numbers)), list(map(len, near))), np.concatenate(near).astype(np.intp)
-    # two equal bodies are each near the other
-    once = (half_widths[second] < half_widths[first]) | ((half_widths[second] == half_widths[first]) & (first < second))
-    pairs = np.sort(np.stack([numbers[first[once]], numbers[second[once]]], axis=1), axis=1)
-    return np.asarray(pairs[np.lexsort(pairs.T[::-1])])
+def near_pairs(places: Array, reach: Array, cell: Array | None = None) -> Indices:
+    """Return the pairs of ``places`` (n, 2) [m], first below second, within the larger ``reach`` (n,) [m] of both."""
+    near = cKDTree(places, boxsize=cell).query_ball_point(places, reach)
+    first, second = np.repeat(np.arange(len(places)), list(map(len, near))), np.concatenate(near).astype(np.intp)
+    # of equal reach, each is near the other
+    once = (reach[second] < reach[first]) | ((reach[second] == reach[first]) & (first < second))
+    return np.sort(np.stack([first[once], second[once]], axis=1), axis=1)
 
 
 def _own_overlaps(whole: Mapping[int, Body], cell: Array) -> list[str]:

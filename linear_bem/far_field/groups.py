@@ -1,14 +1,12 @@
-"""Geometry of many loads: groups that lie far apart, and near pairs of loads of different sizes."""
+"""Groups of loads that lie far apart."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.ndimage import label
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from linear_bem.arrays import Array, Indices
 
@@ -16,8 +14,6 @@ FINEST = 512
 """Largest number of squares along the extent in the search for groups."""
 FEWEST = 8
 """Least mean number of loads in a group."""
-CLASSES = 6
-"""Number of size classes; the loads of a class are half as large as those of the previous class."""
 
 
 @dataclass(frozen=True)
@@ -66,47 +62,3 @@ def _apart(owners: Indices, low: Array, high: Array, least: float) -> Groups:
         if joined == count:
             return Groups(owners, *boxes, gap=float(np.min(gaps)))
         owners = names[owners]
-
-
-class UnlikePairs:
-    """Pairs of loads of different ``sizes`` (n,) [m] that are nearer than reach(first size, second size) [m]."""
-
-    def __init__(self, centres: Array, sizes: Array) -> None:
-        self.centres, self.sizes = centres, np.broadcast_to(np.asarray(sizes, dtype=float), len(centres))
-        largest = float(np.max(self.sizes))
-        step = -np.log2(np.maximum(self.sizes, 1e-300) / largest) if largest > 0.0 else np.zeros(len(centres))
-        place = np.minimum(step.astype(int), CLASSES - 1)
-        members = [np.flatnonzero(place == k) for k in np.unique(place)]
-        self._classes = [(m, cKDTree(centres[m]), float(np.max(self.sizes[m]))) for m in members]
-
-    def _of_classes(self) -> Iterator[tuple[Indices, cKDTree, float, Indices, cKDTree, float]]:
-        for k, one in enumerate(self._classes):
-            for other in self._classes[k:]:
-                yield (*one, *other)
-
-    def count(self, reach: Callable[[float, float], float]) -> float:
-        """Return an upper bound of the number of pairs: each class counts with its largest size."""
-        total = 0.0
-        for m, tree, a, n, other, b in self._of_classes():
-            found = float(tree.count_neighbors(other, reach(a, b)))
-            total += 0.5 * (found - len(m)) if m is n else found
-        return total
-
-    def within(self, reach: Callable[[Any, Any], Any]) -> tuple[Indices, Indices]:
-        """Return the indices of the pairs, each first below its second."""
-        firsts, seconds = [], []
-        for m, tree, a, n, other, b in self._of_classes():
-            most = reach(a, b)
-            if m is n:
-                i, j = tree.query_pairs(most, output_type="ndarray").T
-            else:
-                found = tree.sparse_distance_matrix(other, most, output_type="ndarray")
-                i, j = found["i"], found["j"]
-            firsts.append(m[i])
-            seconds.append(n[j])
-        first, second = np.concatenate(firsts), np.concatenate(seconds)
-        if len(self._classes) > 1 or np.any(self.sizes != self.sizes[0]):
-            apart = np.hypot(*(self.centres[first] - self.centres[second]).T)
-            kept = apart < reach(self.sizes[first], self.sizes[second])
-            first, second = first[kept], second[kept]
-        return np.minimum(first, second), np.maximum(first, second)

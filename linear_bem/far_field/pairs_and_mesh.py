@@ -16,14 +16,16 @@ from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix
+from scipy.spatial import cKDTree
 
 from linear_bem.arrays import Array, Indices
 from linear_bem.counts import grouped
-from linear_bem.far_field.groups import Groups, UnlikePairs, groupings
+from linear_bem.far_field.groups import Groups, groupings
 from linear_bem.far_field.kernel_split import IN_CELL, RULES, Rule, Split, reach_of
 from linear_bem.far_field.particle_mesh import ORDER, NestedMesh, ParticleMesh, PeriodicMesh, mesh_shape, periodic_shape
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.memory import require
+from linear_bem.touching import near_pairs
 
 NOWHERE = np.zeros((1, 2))
 AROUND = 1.5
@@ -86,7 +88,7 @@ class _Choice:
         self, kernel: LayeredKernel, centres: Array, sizes: Array, precision: float, least_ratio: float
     ) -> None:
         self.kernel, self.centres, self.sizes, self.least_ratio = kernel, centres, sizes, least_ratio
-        self.pairs = UnlikePairs(centres, sizes)
+        self.tree = cKDTree(centres)
         self.range = reach_of(kernel, 0.1 * precision)
         self.rule = next((rule for bound, rule in RULES if precision >= bound), None)
 
@@ -96,11 +98,18 @@ class _Choice:
         return np.minimum(np.maximum(cutoff + around, self.least_ratio * np.maximum(one, other)), self.range + around)
 
     def near(self, cutoff: float) -> tuple[Indices, Indices]:
-        """Return the near pairs for a cut-off distance [m] between nodes."""
-        return self.pairs.within(lambda a, b: self.reach(cutoff, a, b))
+        """Return the near pairs for a cut-off distance [m] between nodes, each first below its second."""
+        reach = self.reach(cutoff, self.sizes, self.sizes)
+        first, second = np.triu_indices(len(reach), 1) if np.isinf(reach[0]) else near_pairs(self.centres, reach).T
+        apart = np.hypot(*(self.centres[first] - self.centres[second]).T)
+        kept = apart < self.reach(cutoff, self.sizes[first], self.sizes[second])
+        return first[kept], second[kept]
 
     def _count(self, cutoff: float) -> float:
-        return self.pairs.count(lambda a, b: self.reach(cutoff, a, b))
+        """Return about the number of near pairs; a pair of unlike loads may count half."""
+        n, reach = len(self.centres), self.reach(cutoff, self.sizes, self.sizes)
+        counts = self.tree.query_ball_point(self.centres, reach, return_length=True) if np.isfinite(reach[0]) else n
+        return 0.5 * float(np.sum(np.broadcast_to(counts, n)) - n)
 
     def best(self) -> tuple[NestedMesh, Split, float] | None:
         """Return mesh, split and cut-off distance [m] between nodes; None: pairs alone."""

@@ -5,9 +5,9 @@ import pytest
 
 from linear_bem import Layer
 from linear_bem.errors import NotConverged
-from linear_bem.far_field.groups import UnlikePairs, groupings
-from linear_bem.far_field.kernel_split import RULES, Split
-from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
+from linear_bem.far_field.groups import groupings
+from linear_bem.far_field.kernel_split import RULES, Split, reach_of
+from linear_bem.far_field.pairs_and_mesh import AROUND, FarField, PointInfluence
 from linear_bem.far_field.particle_mesh import ParticleMesh
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.media import Elastic
@@ -104,17 +104,15 @@ def test_unlike_pairs_are_those_of_the_direct_search():
     rng = np.random.default_rng(6)
     points, sizes = rng.uniform(0.0, 40.0, (500, 2)), 10.0 ** rng.uniform(-3.0, 0.0, 500)
     sizes[:3] = 0.0
-
-    def reach(one, other):
-        return 0.5 + 1.5 * (one + other)
-
     i, j = np.triu_indices(500, 1)
-    kept = np.hypot(*(points[i] - points[j]).T) < reach(sizes[i], sizes[j])
-    pairs = UnlikePairs(points, sizes)
-    assert set(zip(*(v.tolist() for v in pairs.within(reach)), strict=True)) == set(
-        zip(i[kept].tolist(), j[kept].tolist(), strict=True)
-    )
-    assert np.sum(kept) <= pairs.count(reach) < 500 * 499 / 2
+    apart = np.hypot(*(points[i] - points[j]).T)
+    # without a mesh, pairs are left out where the kernel has no range
+    field = FarField.of(LayeredKernel(Layer(1.0, 0.3, 0.05)), points, sizes, 1e-8)
+    assert field.mesh is None
+    kept = apart < reach_of(field.kernel, 1e-9) + AROUND * (sizes[i] + sizes[j])
+    assert 0 < np.sum(kept) < len(i) / 2
+    pairs = set(zip(field.first.tolist(), field.second.tolist(), strict=True))
+    assert pairs == set(zip(i[kept].tolist(), j[kept].tolist(), strict=True))
 
 
 def test_the_meshs_slopes_are_those_of_its_kernel():
