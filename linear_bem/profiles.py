@@ -23,33 +23,23 @@ def height(ball: Ball) -> Height:
     body = ball.indenter
     if isinstance(body, Indenter):
         return lambda x, y: np.asarray(body.height(x - x0, y - y0))
-    _check_apex(ball)
 
     def custom(x: Array, y: Array) -> Array:
         values = np.asarray(body(x - x0, y - y0), dtype=float)
         if values.shape != np.shape(x):
             raise InvalidProblem(
-                f"balls.shape: a profile must return one height per point, shape {np.shape(x)}, got {values.shape}"
+                f"balls.shape: a profile must return one height per point, shape {np.shape(x)}, got {values.shape}; "
+                "use numpy"
             )
         return values
 
-    return custom
-
-
-def _check_apex(ball: Ball) -> None:
-    """Raise `InvalidProblem` if a callable is not 0 at the ball's axis, from which approaches are measured."""
-    assert callable(ball.shape)
-    apex = np.asarray(ball.shape(np.zeros(1), np.zeros(1)), dtype=float)
-    if apex.shape != (1,):
-        raise InvalidProblem(
-            f"balls.shape: a profile must return one height per point, shape (1,), got {apex.shape}; use numpy"
-        )
-    if not abs(float(apex[0])) <= APEX * ball.radius:
+    apex = float(custom(np.full(1, float(x0)), np.full(1, float(y0)))[0])
+    if not abs(apex) <= APEX * ball.radius:
         raise InvalidProblem(
             f"balls.shape: a profile must be 0 at the ball's axis, that of the ball at {ball.position} is "
-            f"{float(apex[0]):g} m there"
-            + ("; subtract it, and lower the approach by as much" if math.isfinite(apex[0]) else "")
+            f"{apex:g} m there" + ("; subtract it, and lower the approach by as much" if math.isfinite(apex) else "")
         )
+    return custom
 
 
 def gradient(ball: Ball, x: Array, y: Array) -> tuple[Array, Array]:
