@@ -149,7 +149,7 @@ def _judged(contacts: SmoothContacts, wanted: float, report: Report) -> Solution
     """Return the contacts with the error of T estimated from the sample."""
     sample, scale = sample_error(contacts, report), pulls(contacts)
     vars(contacts).pop("direct", None)  # its nodes take memory
-    balls = [contacts.touching[k] for k in sample.places]
+    balls = [contacts.touching[k] for k in contacts.sample]
     ratio = float(np.max(sample.tangential_force / np.maximum(scale[balls], 1e-300)))
     share = UNSAMPLED * ratio  # infinite if a sampled ball finds no solution
     error = share * np.where(scale > 0.0, scale, 1.0) + contacts.smooth.residual * felt(contacts)
@@ -183,9 +183,8 @@ def _judged(contacts: SmoothContacts, wanted: float, report: Report) -> Solution
 
 @dataclass(frozen=True)
 class SampleError:
-    """Indices of the sample in ``touching``, errors of T and Q [N], largest relative error of forces and approaches."""
+    """Errors of T (sample,) and Q [N], largest relative error of forces and approaches."""
 
-    places: tuple[int, ...]
     tangential_force: Array
     normal_force: float
     settled: float
@@ -212,7 +211,7 @@ def sample_error(contacts: SmoothContacts, report: Report = silent) -> SampleErr
         change = approach / contacts.approaches[ball] if problem.load.kind == "force" else here.forces / force
         settled = max(settled, abs(float(change) - 1.0))
         normal_force = max(normal_force, abs(here.forces - force) / contacts.kernel.singular)
-    return SampleError(contacts.sample, np.array(errors), normal_force, settled)
+    return SampleError(np.array(errors), normal_force, settled)
 
 
 def _alone(contacts: SmoothContacts, shapes: list[Height]) -> list[tuple[Nodes, float] | None]:

@@ -38,7 +38,7 @@ def test_a_sampled_solution_meets_a_sharper_one_within_its_stated_error(load, ba
 def test_a_sample_without_a_solution_leaves_the_error_unbounded_and_says_so(monkeypatch):
     def lost(contacts, report):
         sample = sample_error(contacts, report)
-        return replace(sample, tangential_force=np.full(len(sample.places), np.inf))
+        return replace(sample, tangential_force=np.full(len(sample.tangential_force), np.inf))
 
     problem = scene("approach", "half-space", 110)
     lifted = problem.with_load("approach", (*[0.1] * 109, -0.1))
