@@ -20,8 +20,6 @@ from linear_bem.error_estimate import errors_of_one, felt, least_error, pulls, q
 from linear_bem.errors import NotConverged
 from linear_bem.far_field.kernel_split import RULES
 from linear_bem.lifted_balls import Touched, smooth_state
-from linear_bem.memory import require
-from linear_bem.problem import Problem
 from linear_bem.profiles import Height, height
 from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.contacts import SmoothContacts
@@ -67,13 +65,6 @@ WIDER, ROUND = 1.2, 10
 """Radius of the disc on which a polynomial represents the others' displacement, over the contact's; its degree."""
 Solve = Callable[[Guess, int, float, float, Report], SmoothContacts]
 """`solve_smooth` or `smooth_state`."""
-BYTES = 130e3
-"""Memory per ball; measured: 60 kB at degree 4, 120 kB at degree 6."""
-
-
-def require_memory(problem: Problem) -> None:
-    """Raise `TooLarge` if the balls are too many for the free memory."""
-    require(BYTES * problem.size, f"linear_bem: {problem.size} balls", "take fewer balls or a larger machine")
 
 
 def solve_by_sample(guess: Start, wanted: float, report: Report, size: int | None) -> Solution:

@@ -31,10 +31,11 @@ from linear_bem.grid.contacts import GridContacts, grid_levels
 from linear_bem.indenter import Cone, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Contacts, Touched, rested, smooth_state
+from linear_bem.memory import require
 from linear_bem.problem import Problem
 from linear_bem.report import Report, Timed, seldom, silent
 from linear_bem.result import Result
-from linear_bem.sampled_solution import require_memory, solve_by_sample
+from linear_bem.sampled_solution import solve_by_sample
 from linear_bem.smooth.contacts import CHECKED, SmoothContacts
 from linear_bem.smooth.initial_guess import DENSE, ROUGHEST, Start, first_guess
 from linear_bem.solution import Solution, is_certified, require_certified
@@ -55,6 +56,8 @@ USABLE = 1e-2
 periodic cell, which has no grids, the change of forces and approaches may meet it instead (T vanishes in a lattice)."""
 FINEST = 5e-8
 """Largest precision of sums over pairs in a periodic cell: sums then use the finest rule of `kernel_split.IN_CELL`."""
+BYTES = 130e3
+"""Memory per ball of many; measured: 60 kB at degree 4, 120 kB at degree 6."""
 DEGREES = (2, 4, 6, 8, 10, 12)
 """Degrees of the polynomials p^2, in the order of trial."""
 
@@ -125,7 +128,7 @@ def solve_contact(
     begun, report = time.perf_counter(), Timed(report)
     problem = problem.without_empty_layer()
     kernel = LayeredKernel.of(problem)
-    require_memory(problem)
+    require(BYTES * problem.size, f"linear_bem: {problem.size} balls", "take fewer balls or a larger machine")
     found = _refined(problem.in_cell(), kernel, accuracy, report, sample)
     contacts = found.contacts
     of_error = found.notes or small_force_note(contacts, found.tangential_force_error, accuracy)
@@ -207,11 +210,6 @@ class _Refined:
         return (unreached(limit, self.contacts, (self.reached, wanted), (max(shares), _enough(wanted))),)
 
 
-def _of_pairs(kernel: LayeredKernel, precision: float) -> float | None:
-    """Return the precision of sums in a cell, where images nearly cancel the dent of a base softer than the layer."""
-    return None if kernel.cell is None else max(min(precision, FINEST) / max(kernel.far_ratio, 1.0), 1e-9)
-
-
 def _by_polynomials(guess: Start, wanted: float, report: Report) -> Solution | _Refined | None:
     """Return contacts of the lowest sufficient degree, or of the best degree if that nearly suffices.
 
@@ -220,11 +218,13 @@ def _by_polynomials(guess: Start, wanted: float, report: Report) -> Solution | _
     candidates: list[_Refined] = []
     before: SmoothContacts | None = None
     many = len(guess.touching) > DENSE or guess.kernel.cell is not None
-    precision = min(1e-6, (1e-3 if many else 1e-4) * wanted)
+    precision, kernel = min(1e-6, (1e-3 if many else 1e-4) * wanted), guess.kernel
+    # images in a cell nearly cancel the dent of a base softer than the layer
+    of_pairs = None if kernel.cell is None else max(min(precision, FINEST) / max(kernel.far_ratio, 1.0), 1e-9)
     degrees = iter(DEGREES)
     while (degree := next(degrees, None)) is not None:
         try:
-            after = smooth_state(before or guess, degree, precision, _of_pairs(guess.kernel, precision), report)
+            after = smooth_state(before or guess, degree, precision, of_pairs, report)
         except Touched as touched:
             guess, before, candidates, degrees = touched.added_to(guess), None, [], iter(DEGREES)
             continue

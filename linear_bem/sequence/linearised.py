@@ -93,6 +93,7 @@ class LinearisedContacts:
         self.right = -np.einsum("ntk,nk->nt", self.tests, self.rise)
         self.total = self.tests.sum(axis=2)
         self.force = self.nodes.forces
+        self.largest = np.max(np.abs(zones.coefficients), axis=1)
         self.exchanges = {d: self._exchange(d) for d in (FAR_DEGREE, NEAR_DEGREE)}
 
     def _exchange(self, degree: int) -> _Exchange:
@@ -166,17 +167,14 @@ class LinearisedContacts:
             forces=self.force + np.einsum("nt,nt->n", self.total, delta),
             mutual_force=pull / self.kernel.singular,
             slope_force=(self.slope + np.einsum("nct,nt->nc", self.slope_change, delta)) / self.kernel.singular,
-            drift=float(np.max(np.abs(delta) / self._largest()[:, None])),
+            drift=float(np.max(np.abs(delta) / self.largest[:, None])),
             gap=float(np.max(np.abs(w))),
             gap_share=float(np.max(np.max(np.abs(w), axis=1) / self.dent)),
         )
 
-    def _largest(self) -> Array:
-        return np.asarray(np.max(np.abs(self.zones.coefficients), axis=1))
-
     def moved(self, places: Array, change: Array) -> Zone:
         """Return the zones with changed coefficients, moved to the new ``places`` of the axes [m]."""
-        length = np.minimum(1.0, 0.6 * self._largest() / np.maximum(np.max(np.abs(change), axis=1), 1e-300))
+        length = np.minimum(1.0, 0.6 * self.largest / np.maximum(np.max(np.abs(change), axis=1), 1e-300))
         coefficients = self.zones.coefficients + length[:, None] * change
         zones = replace(self.zones, centre=self.zones.centre + places - self.places, coefficients=coefficients)
         return zones.reframed(zones.degree)
