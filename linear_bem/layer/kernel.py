@@ -140,16 +140,12 @@ def _even_powers(response: LayerResponse | MeasuredResponse, end: float, terms: 
 
 
 def _power_series(coefficients: Array, z: Array) -> Array:
-    """Return a polynomial by Horner's rule, in place and in blocks that fit the processor's cache."""
-    flat = z.ravel()
-    out = np.empty_like(flat)
-    for start in range(0, flat.size, 8192):
-        x, y = flat[start : start + 8192], out[start : start + 8192]
-        y[:] = coefficients[-1]
-        for c in coefficients[-2::-1]:
-            y *= x
-            y += c
-    return out.reshape(z.shape)
+    """Return a polynomial by Horner's rule, in place."""
+    out = np.full_like(z, coefficients[-1])
+    for c in coefficients[-2::-1]:
+        out *= z
+        out += c
+    return out
 
 
 @lru_cache(maxsize=64)
