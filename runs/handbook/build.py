@@ -16,7 +16,7 @@ from runs.handbook.live import widget
 from runs.handbook.notebook import notebook
 from runs.handbook.tutorials import ROOT, Tutorial
 from runs.studies import STUDIES
-from runs.studies.framework.tables import markdown
+from runs.studies.framework.page import markdown
 
 HERE = Path(__file__).resolve().parent
 PAGES = HERE / "pages"

@@ -5,7 +5,7 @@ from typing import Any
 import typer
 
 from runs.cli import app
-from runs.studies.framework.tables import markdown
+from runs.studies.framework.page import markdown
 
 HEAD = """# The command line
 

@@ -16,7 +16,7 @@ from runs.scene import balls, units
 from runs.scene.effects import EFFECTS
 from runs.scene.messages import examples, tables_of
 from runs.scene.scene_file import Tables
-from runs.studies.framework.tables import markdown
+from runs.studies.framework.page import markdown
 
 UNITS = {"length": "m", "angle": "rad", "force": "N", "pressure": "Pa"}
 """Words in the names of the types of `runs.scene.units`, and the unit of a plain number."""

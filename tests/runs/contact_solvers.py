@@ -39,7 +39,7 @@ from runs.evolution.hard_balls import HardBalls
 from runs.evolution.providers import provider
 from runs.models import MODELS
 from runs.studies.collective.cases import APPROACH, POISSON, REST, pair_law
-from runs.studies.framework.tables import markdown
+from runs.studies.framework.page import markdown
 from tests.runs.lattices import lattice
 
 THICKNESS, SPACING, SHAKEN, TOLERANCE = 6.0, 2.6, 0.28, 1e-3

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from runs.studies.framework.tables import markdown
+from runs.studies.framework.page import markdown
 from tests.launch import ROOT, environment
 
 SCENES = ("experiment_nine_30mm", "experiment_nine_20mm")

@@ -19,7 +19,7 @@ from runs.studies.experiments import answer as experiments
 from runs.studies.figures import answer as figures
 from runs.studies.figures import map_lengths, modulus
 from runs.studies.figures import part as parts
-from runs.studies.framework.template import render
+from runs.studies.framework.page import render
 from runs.studies.peers import answer as peers
 from tests.launch import thirdbody
 

@@ -10,7 +10,7 @@ import pytest
 from finite_strain.planning.run_plan import plan_run
 from runs.studies.deep.answer import present
 from runs.studies.deep.matrix import cases, scenes
-from runs.studies.framework.saved_cases import Found
+from runs.studies.framework.case import Found
 
 
 @pytest.mark.parametrize("name", scenes())

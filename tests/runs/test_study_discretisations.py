@@ -10,8 +10,8 @@ import pytest
 from finite_strain.planning.run_plan import plan_run
 from runs.studies.discretisations.answer import BAR, BY_ITSELF, PAIRED, present
 from runs.studies.discretisations.matrix import LEVELS, SCENES, cases
+from runs.studies.framework.case import Found
 from runs.studies.framework.levels import LevelCase
-from runs.studies.framework.saved_cases import Found
 
 
 def step(order: int, paired: float, alone: float, error: float) -> dict[str, Any]:

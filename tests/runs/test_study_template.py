@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from jinja2 import UndefinedError
 
-from runs.studies.framework.template import render
+from runs.studies.framework.page import render
 from tests.launch import ROOT
 
 

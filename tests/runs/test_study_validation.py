@@ -11,8 +11,7 @@ import pytest
 
 from runs.models import MODELS, Run
 from runs.studies import STUDIES
-from runs.studies.framework.case import LINEAR, Case
-from runs.studies.framework.saved_cases import Found
+from runs.studies.framework.case import LINEAR, Case, Found
 from runs.studies.validation import flat_punch, formulas, large_strain, small_strain
 from runs.studies.validation.answer import COMPARISONS, cases, present
 from runs.studies.validation.comparison import AGREES, CLOSE, DIFFERS, Point

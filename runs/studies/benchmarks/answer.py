@@ -11,8 +11,8 @@ from runs.process.files import read_json, write_csv, write_text
 from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.benchmarks import pair, sphere
+from runs.studies.framework.page import markdown
 from runs.studies.framework.study import Study, timed
-from runs.studies.framework.tables import markdown
 
 GRIDS = (256, 512, 1024)
 COUNTS = (9, 100, 300, 1000)

@@ -11,8 +11,8 @@ from runs.process.files import write_csv
 from runs.studies import Options
 from runs.studies.collective import boundary, cases, pictures
 from runs.studies.collective.cases import Finished, PairLaw
+from runs.studies.framework.page import render
 from runs.studies.framework.study import CASES, Study, command, timed
-from runs.studies.framework.template import render
 
 SHOWN = (6.0, 0.3, 1)
 """Thickness over R, area fraction and seed of the run in the animation."""

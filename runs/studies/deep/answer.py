@@ -10,11 +10,10 @@ from linear_bem.errors import ThirdBodyError
 from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, error_bars, look, panels, save_figure
 from runs.process.files import write_csv
 from runs.studies.deep.matrix import cases
-from runs.studies.framework.case import Case
+from runs.studies.framework.case import Case, Found, pull
+from runs.studies.framework.page import render
 from runs.studies.framework.pair import as_seen_by
 from runs.studies.framework.runner import study_of_cases
-from runs.studies.framework.saved_cases import Found, pull
-from runs.studies.framework.template import render
 from runs.studies.stability.judging import work
 
 CREASE, NEAR = 0.65, 0.1

@@ -8,10 +8,9 @@ from typing import Any
 from runs.display.numbers import leading_ball
 from runs.process.files import write_csv
 from runs.studies.discretisations.matrix import cases
-from runs.studies.framework.case import Case
+from runs.studies.framework.case import Case, Found
+from runs.studies.framework.page import render
 from runs.studies.framework.runner import study_of_cases
-from runs.studies.framework.saved_cases import Found
-from runs.studies.framework.template import render
 
 BY_ITSELF, PAIRED, BAR = "error of T, unpaired [%]", "error of T, paired [%]", "error bar of T [%]"
 

@@ -10,8 +10,8 @@ from runs.process.files import read_json, write_csv, write_text
 from runs.studies import Options
 from runs.studies.effects.measuring import Account, lasting, own_functions, run
 from runs.studies.effects.scenes import Effect, effects, toml
+from runs.studies.framework.page import render
 from runs.studies.framework.study import Study, command
-from runs.studies.framework.template import render
 
 KEPT = "effects.json"
 """File of the study's folder with one row per effect."""

@@ -17,8 +17,8 @@ from runs.studies.experiments import cases, resistance, side_by_side
 from runs.studies.experiments.cases import CASES, distances
 from runs.studies.experiments.points import NO, OPEN, POINTS, SIXES, Documents, Finding, Point
 from runs.studies.experiments.side_by_side import Comparison
+from runs.studies.framework.page import render
 from runs.studies.framework.study import Study, command, timed
-from runs.studies.framework.template import render
 
 MODELS = {"linear_bem": "small strain", "finite_strain": "finite strain"}
 STYLES = {"linear_bem": "-", "finite_strain": "--"}

@@ -15,8 +15,8 @@ import numpy as np
 from runs.studies.experiments import cases
 from runs.studies.experiments.cases import CASES, Case, distances
 from runs.studies.experiments.points import ABOUT, PAIR, POINTS, YES, Documents, at_cycles
+from runs.studies.framework.page import render
 from runs.studies.framework.study import timed
-from runs.studies.framework.template import render
 
 SHARES = (7e-5, 1e-2)
 """Shares of the runs: |T|/Q of the 16 mm balls where they stay, checked by `needed`; and a hundred times that."""

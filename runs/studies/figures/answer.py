@@ -12,8 +12,8 @@ from runs.studies import Options
 from runs.studies.figures import bulge, distance, map_lengths, map_materials, modulus, pressure, thickness
 from runs.studies.figures.pair import scene
 from runs.studies.figures.part import save, saved
+from runs.studies.framework.page import render
 from runs.studies.framework.study import Study, command, timed
-from runs.studies.framework.template import render
 
 PARTS = (
     bulge.PART, pressure.PART, thickness.PART, modulus.PART, distance.PART, map_lengths.PART, map_materials.PART,

@@ -13,8 +13,8 @@ from typing import Any
 from runs.process.files import read_json, write_csv, write_text
 from runs.session.progress import print_status
 from runs.studies import Options
+from runs.studies.framework.page import markdown
 from runs.studies.framework.study import Study, timed
-from runs.studies.framework.tables import markdown
 from runs.studies.strengthening.materials import LAW_BY_NAME
 
 SIZES = ("2x1", "3x1", "4x1")

@@ -13,9 +13,8 @@ from runs.process import ranks
 from runs.process.files import read_csv, write_csv
 from runs.session.progress import print_status
 from runs.studies import Options
+from runs.studies.framework.page import render, written
 from runs.studies.framework.study import Study, timed
-from runs.studies.framework.tables import written
-from runs.studies.framework.template import render
 from runs.studies.scaling import whole_runs
 from runs.studies.scaling.measuring import BYTES, FORMS, measure, pressed
 

@@ -5,10 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from runs.process.files import write_csv
-from runs.studies.framework.case import Case
+from runs.studies.framework.case import ENDED, Case, Found
+from runs.studies.framework.page import render
 from runs.studies.framework.runner import study_of_cases
-from runs.studies.framework.saved_cases import ENDED, Found
-from runs.studies.framework.template import render
 from runs.studies.stability.judging import energy_balance, last_good, meshed_forces, took, verdict
 from runs.studies.stability.matrix import cases
 

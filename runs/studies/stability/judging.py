@@ -9,8 +9,7 @@ from typing import Any
 
 from linear_bem.grid.contacts import COARSEST
 from linear_bem.result import FAINT, UNRESOLVED
-from runs.studies.framework.case import Case
-from runs.studies.framework.saved_cases import DONE, Found
+from runs.studies.framework.case import DONE, Case, Found
 from runs.studies.stability.agreement import compared
 from runs.studies.stability.matrix import LINEAR_ACCURACY, NO_LOAD
 

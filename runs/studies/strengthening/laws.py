@@ -8,7 +8,7 @@ from typing import Any
 from runs.display.numbers import number
 from runs.display.style import look, panels, save_figure
 from runs.studies.framework.case import Case
-from runs.studies.framework.template import render
+from runs.studies.framework.page import render
 from runs.studies.strengthening.fitting import at_depth
 from runs.studies.strengthening.pictures import COLORS, MARKS, Paths, Rows, bars, finish
 

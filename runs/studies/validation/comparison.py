@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from runs.studies.framework.saved_cases import Found
+from runs.studies.framework.case import Found
 from runs.studies.validation.sources import SOURCES, Source
 
 AGREES, CLOSE, DIFFERS = "agrees", "close", "differs"
