@@ -17,7 +17,7 @@ import numpy as np
 import finite_strain
 from finite_strain.output.top_surface import SurfaceFields
 from linear_bem.result import Step
-from runs.studies.deep.matrix import scenes
+from runs.studies.deep.answer import scenes
 
 SCENES = ("thin pair", "pair on 2 R", "pair on 6 R")
 

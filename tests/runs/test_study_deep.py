@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from finite_strain.planning.run_plan import plan_run
-from runs.studies.deep.answer import present
-from runs.studies.deep.matrix import cases, scenes
+from runs.studies.deep.answer import cases, present, scenes
 from runs.studies.framework.case import Found
 
 

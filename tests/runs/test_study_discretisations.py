@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from finite_strain.planning.run_plan import plan_run
-from runs.studies.discretisations.answer import BAR, BY_ITSELF, PAIRED, present
-from runs.studies.discretisations.matrix import LEVELS, SCENES, cases
+from runs.studies.discretisations.answer import BAR, BY_ITSELF, LEVELS, PAIRED, SCENES, cases, present
 from runs.studies.framework.case import Found
 from runs.studies.framework.levels import LevelCase
 
