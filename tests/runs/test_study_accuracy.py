@@ -17,10 +17,10 @@ from finite_strain.planning.run_plan import plan_run
 from runs.display.style import panels
 from runs.studies.accuracy import answer, picture
 from runs.studies.accuracy.answer import DEFAULTS, advice, measured, present
-from runs.studies.accuracy.matrix import OWN, PARAMETERS, REFERENCES, TRUE, USUAL_CASE, Turned, cases
+from runs.studies.accuracy.matrix import OWN, PARAMETERS, REFERENCES, TRUE, USUAL_CASE, cases
 from runs.studies.accuracy.picture import front
 from runs.studies.framework.case import Found, varied
-from runs.studies.framework.levels import LevelCase
+from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.pair import pair
 from tests.launch import ROOT
 
@@ -70,7 +70,7 @@ def test_the_parameter_of_the_load_steps_makes_fewer_or_more_of_them() -> None:
 
     counts = []
     for turned in PARAMETERS["largest load step of the path over the radius (0.07)"].values():
-        counts.append(steps(Numerics(**turned.numerics)))
+        counts.append(steps(Numerics(**turned["numerics"])))
     assert counts == [3, 1]
     assert steps(Numerics(more_loads=())) == 2
 
@@ -81,7 +81,7 @@ def test_every_parameter_is_away_from_the_default_that_its_name_holds() -> None:
     for parameter, values in PARAMETERS.items():
         default = parameter.rsplit("(", 1)[1].rstrip(")")
         assert default not in values
-        assert all(turned != Turned() for turned in values.values())
+        assert all(turned not in ({"levels": (Level(),)}, {"numerics": {}}) for turned in values.values())
     turned = [case for case in cases(quick=False) if case.labels["parameter"] in PARAMETERS]
     assert len(turned) == sum(len(values) for values in PARAMETERS.values())
     assert len({case.key() for case in [*turned, usual]}) == len(turned) + 1

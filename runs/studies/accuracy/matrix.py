@@ -1,7 +1,5 @@
 """The cases: all models and their parameters on one problem, the paper's thin pair at D = 0.1 R."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 from runs.studies.framework.case import Case
@@ -22,31 +20,21 @@ OWN, TRUE = "error within the model", "error against finite strain"
 """Columns: relative errors of T against a better solution of the same model, and against the finite-strain answer."""
 LADDER = ("model", "accuracy asked")
 """Parameters that users set and the advice is based on; the others are internal to the solver."""
-
-
-@dataclass(frozen=True)
-class Turned:
-    """One parameter changed: the resulting discretisation, or a field of `finite_strain.Numerics`."""
-
-    level: Level = field(default_factory=Level)
-    numerics: Mapping[str, Any] = field(default_factory=dict)
-
-
-PARAMETERS = {
+PARAMETERS: dict[str, dict[str, dict[str, Any]]] = {
     "order and fineness (3, 1)": {
-        f"{order}, {fineness:g}": Turned(Level(order, fineness))
+        f"{order}, {fineness:g}": {"levels": (Level(order, fineness),)}
         for order, fineness in ((2, 1.0), (2, 1.5), (2, 2.0), (3, 1.5), (4, 1.0))
     },
-    "penalty / planned penalty (1)": {f"{p:g}": Turned(Level(penalty=p)) for p in (0.25, 4.0)},
-    "extent / planned extent (1)": {f"{e:g}": Turned(Level(extent=e)) for e in (1.5, 2.0)},
+    "penalty / planned penalty (1)": {f"{p:g}": {"levels": (Level(penalty=p),)} for p in (0.25, 4.0)},
+    "extent / planned extent (1)": {f"{e:g}": {"levels": (Level(extent=e),)} for e in (1.5, 2.0)},
     "contact quadrature degree beyond twice the order (6)": {
-        f"{d}": Turned(numerics={"contact_degree": d}) for d in (0, 2, 12)
+        f"{d}": {"numerics": {"contact_degree": d}} for d in (0, 2, 12)
     },
     "largest load step of the path over the radius (0.07)": {
-        f"{step:g}": Turned(numerics={"largest_step": step, "more_loads": ()}) for step in (0.035, 10.0)
+        f"{step:g}": {"numerics": {"largest_step": step, "more_loads": ()}} for step in (0.035, 10.0)
     },
 }
-"""Parameters changed one at a time; each name holds the default."""
+"""Parameters changed one at a time, as fields of `LevelCase`; each name holds the default."""
 
 REFERENCES = {"linear_bem": "linear-bem-reference", "small_strain": "linear-bem-reference",
               "finite_strain": "finite-strain-reference", "point_load": "linear-bem-reference"}  # fmt: skip
@@ -91,8 +79,7 @@ def cases(quick: bool) -> list[Case]:
         for number, (parameter, values) in enumerate(PARAMETERS.items(), start=1):
             for value, turned in values.items():
                 name = f"parameter-{number}-{value.replace(', ', '-')}"
-                more = {"levels": (turned.level,), "numerics": turned.numerics}
-                found.append(make(name, "finite_strain", USUAL, parameter, value, LevelCase, **more))
+                found.append(make(name, "finite_strain", USUAL, parameter, value, LevelCase, **turned))
     best, budget = (0.1, {}) if quick else (REFERENCE_ACCURACY, {"unknowns": REFERENCE_UNKNOWNS})
     found.append(make(REFERENCES["finite_strain"], "finite_strain", best, "reference", "", budget=budget))
     if not quick:
