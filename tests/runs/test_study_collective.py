@@ -42,13 +42,13 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_starts_are_random_without_overlap_and_the_same_again() -> None:
     case = Case(1.0, 0.5, 120, 7)
-    x = cases.random_start(case)
+    x = cases.random_start(case.count, case.length, case.seed)
     balls = HardBalls(np.ones(case.count), np.array([case.length] * 2))
     assert len(balls.near(x, -1e-9)) == 0
     assert case.count * np.pi / case.length**2 == pytest.approx(0.5)
-    cases._placed.cache_clear()
-    assert np.array_equal(x, cases.random_start(case))
-    assert not np.allclose(x, cases.random_start(dataclasses.replace(case, seed=8)))
+    cases.random_start.cache_clear()
+    assert np.array_equal(x, cases.random_start(case.count, case.length, case.seed))
+    assert not np.allclose(x, cases.random_start(case.count, case.length, 8))
 
 
 def test_the_page_holds_what_ran_and_names_what_did_not(out: Path) -> None:

@@ -141,13 +141,9 @@ def pair_law(thickness: float, approach: float, *, finite: bool) -> PairLaw:
     return PairLaw(ratio, largest, roots, forces)
 
 
-def random_start(case: Case) -> Array:
-    """Return positions (balls, 2) over R by random sequential addition: each ball at random where it overlaps none."""
-    return _placed(case.count, case.length, case.seed)
-
-
 @cache
-def _placed(count: int, side: float, seed: int) -> Array:
+def random_start(count: int, side: float, seed: int) -> Array:
+    """Return positions (count, 2) over R by random sequential addition: each at random where it overlaps none."""
     draw = np.random.default_rng(seed)
     x = np.zeros((count, 2))
     placed = 0
@@ -168,7 +164,8 @@ def scene_text(case: Case, law: PairLaw) -> str:
     """
     longest = RESISTED if case.rolling > 0.0 else GATHERING if law.ratio[0] > 0.0 else PARTING
     resisted = f"[rolling_resistance]\nshare = {case.rolling * law.largest}\n" if case.rolling > 0.0 else ""
-    positions = ",\n  ".join(f"[{x!r}, {y!r}]" for x, y in random_start(case).tolist())
+    start = random_start(case.count, case.length, case.seed)
+    positions = ",\n  ".join(f"[{x!r}, {y!r}]" for x, y in start.tolist())
     return f"""title = "{case.count} balls on {case.fraction:g} of the plane, layer of {case.thickness:g} R"
 [layer]
 thickness = {case.thickness}

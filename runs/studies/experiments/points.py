@@ -74,13 +74,9 @@ def _edges_carry_more(documents: Documents) -> Finding:
     return Finding(YES if min(ratios) > 1.0 else NO, f"Q of the edge over Q of the middle: {', '.join(texts)}")
 
 
-def _opening(document: Mapping[str, Any]) -> float:
-    middle = distances(document, 1, 2)[1]
-    return float(np.max(middle) / middle[0])
-
-
 def _wider_divides_more(documents: Documents) -> Finding:
-    narrow, wide = (_opening(documents[name]) for name in LINES[:2])
+    middles = (distances(documents[name], 1, 2)[1] for name in LINES[:2])
+    narrow, wide = (float(np.max(middle) / middle[0]) for middle in middles)
     text = f"middle distance, largest over first: {narrow:.3f} from 25 mm, {wide:.3f} from 30 mm"
     return Finding(YES if wide > narrow else NO, text)
 
@@ -129,15 +125,12 @@ def _dense_keeps_order(documents: Documents) -> Finding:
     texts, more = [], []
     for names, noise in ((NINES, "0.2 mm"), (SHAKEN, "2 mm")):
         if all(name in documents for name in names):
-            kept = [_kept(documents[name]) for name in names]
+            ensembles = [documents[name]["ensemble"] for name in names]
+            kept = [float(np.mean([m["neighbours_kept"] / m["neighbours"] for m in members])) for members in ensembles]
             more.append(kept[0] > kept[1] + 0.02)
             texts.append(f"shaken by {noise}: {100 * kept[0]:.0f} % from 20 mm, {100 * kept[1]:.0f} % from 30 mm")
     verdict = YES if all(more) else OPEN if any(more) else NO
     return Finding(verdict, f"initial neighbours that touch at the end, {'; '.join(texts)}")
-
-
-def _kept(document: Mapping[str, Any]) -> float:
-    return float(np.mean([m["neighbours_kept"] / m["neighbours"] for m in document["ensemble"]]))
 
 
 TIP = 0.2

@@ -64,17 +64,13 @@ class Pair:
         changed = replace(base, layer=layer, substrate=substrate, balls=(left, right))
         return changed if self.approach is None else changed.with_load("approach", (self.approach,) * 2)
 
-    def left(self, accuracy: float) -> BallResult:
-        """Return the state of the left ball."""
-        return _left(self, accuracy)
-
     def attraction(self, accuracy: float) -> float:
         """Return Tx on the left ball: positive attracts, negative separates."""
-        return self.left(accuracy).tangential_force[0]
+        return left_ball(self, accuracy).tangential_force[0]
 
 
 @cache
-def _left(pair: Pair, accuracy: float) -> BallResult:
+def left_ball(pair: Pair, accuracy: float) -> BallResult:
     """Return the state of the left ball: roots and maps ask for some pairs twice."""
     return solve(pair.problem(), accuracy).balls[0]
 

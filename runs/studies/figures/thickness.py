@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from runs.display.style import BLUE, ORANGE, feature, panels, zero_line
-from runs.studies.figures.pair import Curve, Pair, at_features, line_through
+from runs.studies.figures.pair import Curve, Pair, at_features, left_ball, line_through
 from runs.studies.figures.part import Findings, Part
 
 THINNEST = 0.05
@@ -15,7 +15,7 @@ THINNEST = 0.05
 def compute(quick: bool) -> Findings:
     """Return T'(h') at the paper's force and at the approach due to this force on the half-space."""
     asked = at_features(quick)
-    whole = Pair(half_space=True).left(asked)
+    whole = left_ball(Pair(half_space=True), asked)
     limit, depth = whole.tangential_force[0], whole.approach
     thin = np.geomspace(0.03 if quick else 2e-3, 0.1, 3 if quick else 14)
     bends, levels = (12, 5) if quick else (64, 18)

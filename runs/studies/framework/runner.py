@@ -76,13 +76,11 @@ def _run_case(case: Case, folder: StudyFolder | None, comm: Any, title: str) -> 
             print_status(title)
         together = case.parallel and not case.alone
         if together or folder is not None:
-            _Attempt(case, folder, comm if together else _alone() if case.parallel else None, saved).run()
+            if case.parallel and not together:
+                from mpi4py import MPI  # noqa: PLC0415  (finite-element cases have imported it)
 
-
-def _alone() -> Any:
-    from mpi4py import MPI  # noqa: PLC0415  (finite-element cases have imported it)
-
-    return MPI.COMM_SELF
+                comm = MPI.COMM_SELF
+            _Attempt(case, folder, comm if case.parallel else None, saved).run()
 
 
 class _Stopped(Exception):

@@ -140,8 +140,3 @@ def forget_peak() -> None:
     """Return freed memory to the system and reset this process's peak memory (Linux)."""
     ctypes.CDLL(None).malloc_trim(0)
     Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-
-
-def peak_memory(comm: MPI.Comm) -> float:
-    """Return the largest memory of this process so far, summed over ranks [bytes] (collective)."""
-    return float(comm.allreduce(own_memory("VmHWM")))

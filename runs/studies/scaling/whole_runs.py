@@ -10,10 +10,11 @@ import numpy as np
 
 from linear_bem import Elements
 from runs.models import Run
+from runs.process.machine import own_memory
 from runs.session.progress import print_status
 from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.pair import pair
-from runs.studies.scaling.measuring import DEPTH, FORMS, forget_peak, peak_memory
+from runs.studies.scaling.measuring import DEPTH, FORMS, forget_peak
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -42,7 +43,8 @@ def run(target: int, comm: MPI.Comm) -> list[dict[str, Any]]:
     begun = time.process_time()
     result = case.solve(Run(comm=comm, steps=STEPS))
     spent = comm.allreduce(time.process_time() - begun)
-    whole = {"target": target, "ranks": comm.size, "processor_seconds": spent, "gigabytes": peak_memory(comm) / 1e9}
+    peak = comm.allreduce(own_memory("VmHWM"))
+    whole = {"target": target, "ranks": comm.size, "processor_seconds": spent, "gigabytes": peak / 1e9}
     seen = [
         {
             **{key: step.record[key] for key in KEPT if key in step.record},

@@ -46,9 +46,10 @@ def compared(found: Found, name: str, check: Mapping[str, Any]) -> tuple[float, 
 def at_no_load(mine: Sequence[Mapping[str, Any]], theirs: Sequence[Mapping[str, Any]]) -> tuple[float, float] | None:
     """Return the relative difference of T between two theories in the limit of zero load, and its tolerance.
 
-    The ratio of the two, as a function of the square root of the approach, is extrapolated by the parabola through the
-    first common step, the last one up to `FAR_ENOUGH` times as deep, and one between. The tolerance is the extrapolated
-    error bar plus the difference from the straight line through the first and the last step.
+    The ratio of the two (the component of mine along theirs), as a function of the square root of the approach, is
+    extrapolated by the parabola through the first common step, the last one up to `FAR_ENOUGH` times as deep, and one
+    between. The tolerance is the extrapolated error bar plus the difference from the straight line through the first
+    and the last step.
     """
     pairs = [
         (one, two)
@@ -64,8 +65,10 @@ def at_no_load(mine: Sequence[Mapping[str, Any]], theirs: Sequence[Mapping[str, 
             return None
         near = [two for two in both if two[0]["approach"] <= FAR_ENOUGH * both[0][0]["approach"]]
         roots = np.array([math.sqrt(one["approach"]) for one, _ in near])
-        ratios = np.array([_ratio(one, two) for one, two in near])
-        bars = np.array([sum(share_of_error(b) for b in two) for two in near])
+        forces = np.array([[ball["tangential_force"] for ball in two] for two in near])
+        ratios = np.sum(forces[:, 0] * forces[:, 1], axis=1) / np.sum(forces[:, 1] ** 2, axis=1)
+        errors = np.array([[ball["tangential_force_error"] for ball in two] for two in near])
+        bars = np.sum(errors / np.linalg.norm(forces, axis=2), axis=1)
         (line, _), (parabola, spread) = (_at_zero(roots, ratios, bars, points) for points in (2, 3))
         worst = max(worst, abs(parabola - 1.0))
         allowed = max(allowed, spread + abs(parabola - line))
@@ -77,17 +80,6 @@ def _at_zero(x: np.ndarray, y: np.ndarray, errors: np.ndarray, points: int) -> t
     chosen = np.unique(np.linspace(0, len(x) - 1, points).astype(int))
     weights = np.linalg.solve(np.vander(x[chosen], increasing=True).T, np.eye(len(chosen))[0])
     return float(weights @ y[chosen]), float(np.abs(weights) @ errors[chosen])
-
-
-def share_of_error(ball: Mapping[str, Any]) -> float:
-    """Return the relative error of a ball's T."""
-    return float(ball["tangential_force_error"] / math.hypot(*ball["tangential_force"]))
-
-
-def _ratio(one: Mapping[str, Any], two: Mapping[str, Any]) -> float:
-    """Return the component of one T along another, over the magnitude of the other."""
-    (ax, ay), (bx, by) = one["tangential_force"], two["tangential_force"]
-    return float((ax * bx + ay * by) / (bx * bx + by * by))
 
 
 def at_force(steps: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -67,7 +67,9 @@ def _rows(case: Case, steps: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]
                 "T_error": ball["tangential_force_error"],
                 "T_linear": linear_t,
                 "T_paraboloid": plain_t,
-                "geometry": _ratio(linear_t, plain_t),
+                "geometry": linear_t / plain_t
+                if plain_t and math.isfinite(plain_t) and math.isfinite(linear_t)
+                else None,
                 "S_Q": row["strengthening_at_force"],
                 "S_Q_error": row["strengthening_at_force_error"],
                 "S_D": row["strengthening_at_approach"],
@@ -75,7 +77,3 @@ def _rows(case: Case, steps: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]
             }
         )
     return rows
-
-
-def _ratio(above: float, below: float) -> float | None:
-    return above / below if below and math.isfinite(below) and math.isfinite(above) else None

@@ -69,18 +69,16 @@ def _long(found: Found) -> Groups:
     return groups
 
 
-def of_half_space(problem: Problem, depth: float) -> float:
-    """Return the factor of a sphere's force due to the layer's finite thickness at small strain."""
-    small = as_seen_by("small_strain", problem).with_load("approach", (depth,))
-    force = solve(small, 1e-4).balls[0].normal_force
-    return force / formulas.sneddon_force(depth, 1.0, problem.layer.contact_modulus)
+def _at_small_strain(problem: Problem, depth: float) -> float:
+    return solve(as_seen_by("small_strain", problem).with_load("approach", (depth,)), 1e-4).balls[0].normal_force
 
 
 def _softening(found: Found) -> Iterator[tuple[float, float, float]]:
     """Yield depth, force on the half-space over that at small strain, and its error."""
     for case in found.done("half-space"):
         for depth, ours, bar, _ in forces(found, case):
-            factor = of_half_space(case.problem, depth)
+            sneddon = formulas.sneddon_force(depth, 1.0, case.problem.layer.contact_modulus)
+            factor = _at_small_strain(case.problem, depth) / sneddon
             value = ours / factor / formulas.sneddon_factor(depth)
             # the effect of the thickness is removed as at small strain; half of it counts as the error
             yield depth, value, value * (bar / ours + 0.5 * abs(factor - 1.0))
@@ -105,8 +103,7 @@ def _lin(found: Found) -> Groups:
     thick, points = pressed([BALL], 1.0, THICKEST, 0.5), []
     for depth, value, bar in _softening(found):
         if depth >= 0.1:
-            small = as_seen_by("small_strain", thick).with_load("approach", (depth,))
-            theirs = long_force(depth, 1.0, thick.layer, THICKEST) / solve(small, 1e-4).balls[0].normal_force
+            theirs = long_force(depth, 1.0, thick.layer, THICKEST) / _at_small_strain(thick, depth)
             points.append(Point(f"D / R = {depth:g}", depth, value, bar, theirs, math.nan))
     if points:
         groups[f"{SECOND}: finite over small strain, beside Long et al. on h = {THICKEST:g} R"] = points

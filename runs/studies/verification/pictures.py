@@ -47,14 +47,10 @@ def _small_load(axis: Any, rows: Sequence[Row]) -> None:
     if rows:
         axis.axhspan(0.99, 1.01, color="0.9", zorder=0)
         axis.set_xticks(range(len(places)), [f"{h:g}\n{distance:g}" for h, distance in places])
-        axis.set_ylim(*_limits([row["ratio"] for row in rows]))
+        low = min(0.98, *(value - error for value, error in (row["ratio"] for row in rows)))
+        high = max(1.02, *(value + error for value, error in (row["ratio"] for row in rows)))
+        axis.set_ylim(max(low - 0.005, 0.8), min(high + 0.012, 1.2))
     axis.set(xlabel="h / R (above), L / R (below)", ylabel="T / T linear", title="load to 0 (band: 1 %)")
-
-
-def _limits(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    low = min(0.98, *(value - error for value, error in pairs))
-    high = max(1.02, *(value + error for value, error in pairs))
-    return max(low - 0.005, 0.8), min(high + 0.012, 1.2)
 
 
 def _convergence(axis: Any, rows: Sequence[Row]) -> None:
