@@ -162,6 +162,9 @@ def test_finite_strain_is_held_against_its_limit_of_no_load_even_where_its_path_
     assert one is not None
     assert one[0] == pytest.approx(0.07)  # nothing to extrapolate from
     assert compared(found(a={"steps": at(1.0, 0.0)[1:]}, b=stopped), "a", check) is None  # other steps
+    unknown = at(1.0, 0.0)
+    unknown[1]["balls"][0]["tangential_force_error"] = None
+    assert compared(found(a={"steps": unknown}, b=stopped), "a", check) is None
 
 
 def test_a_case_under_given_forces_is_compared_where_the_other_passes_them() -> None:
@@ -173,6 +176,8 @@ def test_a_case_under_given_forces_is_compared_where_the_other_passes_them() -> 
     mine = {"steps": [{"balls": [ball(0.1, 0.1, pull=-1e-4)], "record": {}}]}
     check = {"words": "same", "other": "b", "within": 1e-9, "factor": 1.0, "at": SAME_FORCE}
     assert verdict(found(a=mine, b={"steps": steps}), "a", {"check": check})[0] == "right"
+    steps[-1]["balls"][0]["tangential_force_error"] = None
+    assert compared(found(a=mine, b={"steps": steps}), "a", check) is None
 
 
 def test_unlike_balls_must_pull_each_other_alike() -> None:

@@ -61,9 +61,9 @@ def at_no_load(mine: Sequence[Mapping[str, Any]], theirs: Sequence[Mapping[str, 
     worst, allowed = 0.0, 0.0
     for ball in range(len(mine[0]["balls"])):
         both = [(one["balls"][ball], two["balls"][ball]) for one, two in pairs]
-        if any(b["tangential_force_error"] is None for b in both[0]):
-            return None
         near = [two for two in both if two[0]["approach"] <= FAR_ENOUGH * both[0][0]["approach"]]
+        if any(b["tangential_force_error"] is None for two in near for b in two):
+            return None
         roots = np.array([math.sqrt(one["approach"]) for one, _ in near])
         forces = np.array([[ball["tangential_force"] for ball in two] for two in near])
         ratios = np.sum(forces[:, 0] * forces[:, 1], axis=1) / np.sum(forces[:, 1] ** 2, axis=1)
@@ -95,11 +95,11 @@ def at_force(steps: Sequence[Mapping[str, Any]], balls: Sequence[Mapping[str, An
         share = math.log(ball["normal_force"] / low["normal_force"])
         share /= math.log(high["normal_force"] / low["normal_force"])
         grown = math.hypot(*high["tangential_force"]) / math.hypot(*low["tangential_force"])
-        factor = grown ** (share - 1.0)
+        factor, error = grown ** (share - 1.0), high["tangential_force_error"]
         found.append(
             {
                 "tangential_force": [factor * t for t in high["tangential_force"]],
-                "tangential_force_error": factor * high["tangential_force_error"],
+                "tangential_force_error": None if error is None else factor * error,
             }
         )
     return found
