@@ -42,10 +42,7 @@ REFERENCES = {"linear_bem": "linear-bem-reference", "small_strain": "linear-bem-
 
 
 def cases(quick: bool) -> list[Case]:
-    """Return the linear models, the finite elements by mesh and accuracy, the parameters, the reference, and all ranks.
-
-    Every case but the last runs on one rank, so that times are comparable.
-    """
+    """Return linear models, finite elements by mesh and accuracy, parameters, the reference, and all ranks together."""
     approach = 0.015 if quick else 0.1
 
     def make(

@@ -62,7 +62,6 @@ def page(folder: Path, quick: bool) -> str:
 
 
 def _versions() -> list[str]:
-    """Return the installed codes and their libraries, with versions."""
     found = []
     for name in ("thirdbody", "tamaas", "aspher", "numpy", "scipy"):
         with suppress(importlib.metadata.PackageNotFoundError):

@@ -1,8 +1,4 @@
-"""One sphere on a homogeneous half-space on the same grid: this project, tamaas and ASPHER.
-
-Every code gets the same heights, load and tolerance; for all of them, the error is the deviation of the returned
-pressure from Hertz's. tamaas without periodic images and ASPHER solve the same problem as this project.
-"""
+"""One sphere on a homogeneous half-space on the same grid: this project, tamaas and ASPHER."""
 
 import importlib
 import time

@@ -133,7 +133,6 @@ def _ends(values: Iterable[float]) -> tuple[float, ...]:
 
 
 def _scenes(found: Sequence[Finished], outcome: str) -> str:
-    """Return thicknesses and area fractions of the runs with an outcome."""
     chosen = sorted({(d.case.thickness, d.case.fraction) for d in found if d.outcome == outcome})
     by_h: dict[float, list[str]] = {}
     for h, phi in chosen:
@@ -172,7 +171,6 @@ def _starts(found: Sequence[Finished]) -> Iterator[dict[str, Any]]:
 
 
 def _pairs(laws: Mapping[float, PairLaw]) -> list[dict[str, Any]]:
-    """Return the pair law of two balls on each layer."""
     return [
         {
             "h/R": h,

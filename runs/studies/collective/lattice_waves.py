@@ -1,7 +1,4 @@
-"""Waves in a lattice of balls that drift: at which rates they grow by the linearised law of pairs.
-
-A uniform layer stays uniform where all waves decay; where one grows, the layer leaves it.
-"""
+"""Waves in a lattice of balls that drift: by the linearised law of pairs, a layer stays uniform where none grows."""
 
 from dataclasses import dataclass
 

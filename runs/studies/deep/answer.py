@@ -103,7 +103,6 @@ def _summary(path: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def _rows(found: Found, case: Case) -> list[dict[str, Any]]:
-    """Return one row per discretisation and load step."""
     rows: list[dict[str, Any]] = []
     before: list[Mapping[str, Any]] = []
     for step in found.steps(case.name):

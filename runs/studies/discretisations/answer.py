@@ -51,7 +51,6 @@ def present(found: Found, folder: Path) -> str:
 
 
 def _rows(case: Case, found: Found) -> Iterator[dict[str, Any]]:
-    """Yield one row per finished discretisation of a case."""
     steps = found.steps(case.name)
     if not steps:
         return

@@ -42,10 +42,7 @@ class Account:
 
 
 def run(scene: Mapping[str, Mapping[str, object]], blocked: Sequence[str] = ()) -> Account:
-    """Run a scene in a child process with modules and functions ``blocked``; raises `ThirdBodyError`.
-
-    Scenes with a reciprocation are evolved, others solved.
-    """
+    """Run a scene in a child process with modules and functions ``blocked``; raises `ThirdBodyError`."""
     without = f", without {len(blocked)} modules and functions" if blocked else ""
     with timed(f"[{'], ['.join(scene)}]{without}"), tempfile.TemporaryDirectory(prefix="thirdbody-effects-") as scratch:
         folder = Path(scratch)
@@ -68,10 +65,7 @@ def run(scene: Mapping[str, Mapping[str, object]], blocked: Sequence[str] = ()) 
 
 
 def own_functions(without: Account, with_: Account) -> list[str]:
-    """Return the project's functions that only the run with the effect calls.
-
-    Functions in the effect's own modules are omitted.
-    """
+    """Return the project's functions that only the run with the effect calls, outside the effect's own modules."""
     own = with_.modules - without.modules
     return sorted(name for name in with_.functions - without.functions if name.split(":")[0] not in own)
 
@@ -104,11 +98,7 @@ def page(folder: Path, quick: bool) -> str:
 
 
 def measure(chosen: Sequence[Effect]) -> list[dict[str, Any]]:
-    """Return one row per effect.
-
-    For the proof, a scene is run again with all code blocked that belongs to any effect and that the scene does not
-    use.
-    """
+    """Return one row per effect, with the proof: a scene is run again with all code of effects blocked but its own."""
     texts = {toml(scene): scene for effect in chosen for scene in (effect.without, effect.with_)}
     bare = dict.fromkeys(toml(effect.without) for effect in chosen)
     with ThreadPoolExecutor(2) as pool:

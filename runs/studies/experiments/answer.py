@@ -130,7 +130,6 @@ def _errors(model: str, documents: Documents) -> dict[str, Any]:
 
 
 def _members(found: Mapping[str, Documents]) -> list[dict[str, Any]]:
-    """Return one row per ensemble member of every run."""
     return [
         {
             "model": model,

@@ -1,9 +1,4 @@
-"""Rolling resistance (the share of its load below which T moves no ball), and which of the reports hold for each share.
-
-A ball without contacts stays where |T|/Q is below the share, so the 16 mm balls on thin rubber stop where |T|/Q has
-fallen to it: their reported end and their run without resistance give the share. Runs with this share and with larger
-ones, at small strain, show whether it explains the other reports.
-"""
+"""Rolling resistance (share of its load below which T moves no ball), and the reports that hold for each share."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence

@@ -18,7 +18,6 @@ OFF_AXIS = 1e-3
 
 
 def _solids(thickness: float) -> tuple[Layer, Elastic | None]:
-    """Return a layer of another thickness with its substrate."""
     base = scene().problem
     return replace(base.layer, thickness=thickness), base.substrate
 

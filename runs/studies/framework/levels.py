@@ -1,8 +1,4 @@
-"""A case on a fixed list of discretisations (levels); the load steps of each are kept as separate answers.
-
-The mesh may be moved with the balls: then the energies of two runs differ only by the effect of the distance, because
-the mesh error cancels.
-"""
+"""A case on a fixed list of discretisations (levels); the load steps of each are kept as separate answers."""
 
 from __future__ import annotations
 

@@ -102,11 +102,7 @@ def _key(arguments: Sequence[str]) -> str:
 
 
 def _laws(folder: Path, answers: Mapping[Path, Mapping[str, Any] | None]) -> Iterator[dict[str, Any]]:
-    """Yield the answers of two codes for every law that both have solved.
-
-    The error of FElupe is the change from order 3 to order 4; the deviation is the difference of T over the root
-    of the sum of squares of both errors.
-    """
+    """Yield the answers of two codes for every law that both have solved."""
     for law in LAW_BY_NAME:
         ours, third, fourth = (answers.get(_law_file(folder, law, *case)) for case in LAW_CASES)
         if not (ours and third and fourth):

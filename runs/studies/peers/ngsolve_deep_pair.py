@@ -1,8 +1,4 @@
-"""A deep pair in NGSolve: unlike `ngsolve_pair`, with contact energy per deformed area and a load path at every order.
-
-The contact potential is per area of the deformed surface that faces the ball: per undeformed area, the surface would
-become unstable at pressures above 2 mu.
-"""
+"""A deep pair in NGSolve: contact energy per deformed area, and a load path at every order, unlike `ngsolve_pair`."""
 
 from dataclasses import dataclass
 from typing import Any

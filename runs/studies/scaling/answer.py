@@ -62,10 +62,7 @@ def compute(folder: Path, options: Options) -> None:
 
 
 def fits(needed: float, what: str, comm: Any) -> bool:
-    """Return whether ``needed`` bytes are free on rank 0; if not, print a line about it (collective).
-
-    ``what``: description of the system or run that needs them.
-    """
+    """Return whether the bytes that ``what`` needs are free on rank 0; if not, print a line about it (collective)."""
     fault = ""
     give_back()
     comm.barrier()

@@ -1,7 +1,4 @@
-"""One measurement: assembly of the tangent of a pressed pair and solution of its linear system, twice if it is small.
-
-The state is the same on all meshes: the equilibrium on the coarsest one, interpolated.
-"""
+"""One measurement: assembly of a pressed pair's tangent and solution of its linear system, twice if it is small."""
 
 from __future__ import annotations
 
@@ -51,10 +48,7 @@ def pressed(form: str, comm: MPI.Comm) -> Snapshot:
 
 
 def measure(form: str, target: int, state: Snapshot, comm: MPI.Comm) -> Iterator[dict[str, Any]]:
-    """Yield, per solver, times of the slowest rank [s of processor time] and memory of all ranks (collective).
-
-    All solve the same system: the tangent at ``state``.
-    """
+    """Yield, by solver, processor time of the slowest rank [s] and memory of all ranks, at ``state`` (collective)."""
     forget_peak()
     before = own_memory("VmRSS")
     run = _run(form, target, comm)

@@ -81,7 +81,6 @@ def meshed_forces(record: Mapping[str, Any]) -> list[float] | None:
 
 
 def _recorded(steps: Sequence[Mapping[str, Any]], key: str) -> list[float]:
-    """Return a value from the steps' records, where present."""
     return [value for step in steps if (value := step.get("record", {}).get(key)) is not None]
 
 
@@ -145,7 +144,6 @@ def verdict(found: Found, name: str, labels: Mapping[str, Any]) -> tuple[str, st
 
 
 def _judge_path(checks: Checks, record: Mapping[str, Any]) -> None:
-    """Check a load path on its own."""
     steps, solved = record.get("steps", []), record.get("solved", {})
     energy = energy_balance(steps, meshed_forces(record))
     forces = max(_recorded(steps, "force_balance"), default=math.nan)

@@ -1,9 +1,4 @@
-"""The hard cases: the difficulty of each, the models that solve it, and the reference for its check.
-
-Dimensionless, R = 1 and E1 = 1, except for the scaled case. A check names another case of the study that must give the
-same force in another way: another model, another load path, a limit, the same problem in other units. The requested
-accuracy is low: the question is whether an answer lies within its own error bar.
-"""
+"""The hard cases (R = 1 and E1 = 1, except for the scaled one): difficulty, models, and the reference for the check."""
 
 import dataclasses
 import math

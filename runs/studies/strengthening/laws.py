@@ -38,7 +38,6 @@ def _draw(groups: list[tuple[tuple[float, float], Paths]], folder: Path) -> None
 
 
 def _by_layer(paths: Paths) -> list[tuple[tuple[float, float], Paths]]:
-    """Return cases with their rows by thickness and Poisson's ratio."""
     groups: dict[tuple[float, float], list[tuple[Case, Rows]]] = {}
     for case, path in paths:
         groups.setdefault((case.labels["h"], case.labels["nu"]), []).append((case, path))

@@ -51,7 +51,6 @@ def _points(groups: Groups) -> list[Point]:
 
 
 def _word(points: Sequence[Point]) -> str:
-    """Return the verdict on all points together."""
     verdicts = [point.verdict for point in points]
     if DIFFERS not in verdicts:
         return CLOSE if CLOSE in verdicts else AGREES

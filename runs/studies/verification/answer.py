@@ -44,7 +44,6 @@ def present(found: Found, folder: Path) -> str:
 
 
 def _counts(rows: Sequence[Row]) -> dict[str, int]:
-    """Return how many rows have each verdict."""
     verdicts = [row["verdict"] for row in rows]
     words = {RIGHT: RIGHT, WRONG: WRONG, "without a claim": None}
     return {word: verdicts.count(verdict) for word, verdict in words.items()}

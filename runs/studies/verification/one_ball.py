@@ -1,7 +1,4 @@
-"""One ball: force over approach compared with the linear model, Hertz's limit, and another code at finite strain.
-
-Published results for one ball are in the study ``validation``; the finite-strain cases are taken from there.
-"""
+"""One ball: force over approach compared with the linear model, Hertz's limit, and another code at finite strain."""
 
 import dataclasses
 from typing import Any

@@ -1,7 +1,4 @@
-"""T by three routes along the load, on one discretisation: domain integral, contact traction, energy derivative.
-
-The energies use one mesh, moved with the balls, so that the mesh error is the same at both distances.
-"""
+"""T by three routes along the load, on one discretisation: domain integral, contact traction, energy derivative."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -22,7 +19,7 @@ ANSWER, APART, TOGETHER = "routes-answer", "routes-apart", "routes-together"
 
 
 def cases(quick: bool) -> list[Case]:
-    """Return the case to be checked and the two cases whose energies are compared."""
+    """Return the case to be checked and two whose energies are compared, on one mesh that moves with the balls."""
     problem = pair(0.03 if quick else 0.5, distance=DISTANCE, poisson=0.3 if quick else 0.48)
     levels, steps = (QUICK_LEVELS, (1.0,)) if quick else (LEVELS, FRACTIONS)
     return [
