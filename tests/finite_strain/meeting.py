@@ -17,7 +17,7 @@ import numpy as np
 import finite_strain
 from finite_strain.output.top_surface import SurfaceFields
 from linear_bem.result import Step
-from runs.studies.deep.answer import scenes
+from runs.studies.deep.answer import cases
 
 SCENES = ("thin pair", "pair on 2 R", "pair on 6 R")
 
@@ -45,11 +45,7 @@ class Cleft:
 
 
 if __name__ == "__main__":
-    for name in SCENES:
-        scene = scenes()[name]
-        print(name, flush=True)
-        deepest = max(scene.problem.load.values)
-        finite_strain.solve(
-            scene.problem, accuracy=0.2, steps=[depth / deepest for depth in scene.approaches],
-            observer=Cleft(),
-        )  # fmt: skip
+    for case in cases(quick=False):
+        if case.labels["scene"] in SCENES:
+            print(case.labels["scene"], flush=True)
+            finite_strain.solve(case.problem, accuracy=0.2, steps=case.steps, observer=Cleft())

@@ -8,15 +8,16 @@ from typing import Any
 import pytest
 
 from finite_strain.planning.run_plan import plan_run
-from runs.studies.deep.answer import cases, present, scenes
+from runs.studies.deep.answer import cases, present
 from runs.studies.framework.case import Found
+from runs.studies.framework.levels import LevelCase
 
 
-@pytest.mark.parametrize("name", scenes())
-def test_every_scene_has_a_plan(name: str) -> None:
-    scene = scenes()[name]
+@pytest.mark.parametrize("scene", cases(quick=False), ids=lambda case: case.name)
+def test_every_scene_has_a_plan(scene: LevelCase) -> None:
     plan = plan_run(scene.problem, 0.05, "finite_strain")
-    assert plan.deepest == pytest.approx(scene.approaches[-1])
+    assert scene.steps is not None
+    assert plan.deepest == pytest.approx(scene.steps[-1] * max(scene.problem.load.values))
     assert all(plan.unknowns(level.discretisation()) < 1e5 for level in scene.levels)
 
 

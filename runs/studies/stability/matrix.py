@@ -43,7 +43,7 @@ class Check:
 class Hard:
     """A hard case: ``checks`` by model; without one, a model is judged by energy, force balance and its routes to T.
 
-    ``unknowns``: largest numbers of unknowns by model.
+    ``unknowns``: largest numbers of unknowns by model; ``more``: further fields of the cases of finite elements.
     """
 
     name: str
@@ -51,12 +51,9 @@ class Hard:
     problem: Problem
     models: tuple[str, ...]
     checks: Mapping[str, Check] = field(default_factory=dict)
-    numerics: Mapping[str, Any] = field(default_factory=dict)
-    stop_after: int | None = None
     accuracy: float | None = None
-    levels: tuple[Level, ...] = ()
-    steps: tuple[float, ...] | None = None
     unknowns: Mapping[str, float] = field(default_factory=dict)
+    more: Mapping[str, Any] = field(default_factory=dict)
 
 
 def scaled(problem: Problem, scale: float) -> Problem:
@@ -84,28 +81,29 @@ def hard_cases() -> list[Hard]:
             FINITE: Check("the limit of zero load: linear_bem", f"{name}-linear-bem", at=NO_LOAD),
         }
 
-    def three(name: str, words: str, problem: Problem, check: Check | None = None, **more: Any) -> Hard:
+    def three(
+        name: str, words: str, problem: Problem, check: Check | None = None, accuracy: float | None = None
+    ) -> Hard:
         own = {} if check is None else {FINITE: check}
-        return Hard(name, words, problem, (FINITE, SMALL, LINEAR), checks(name) | own, **more)
+        return Hard(name, words, problem, (FINITE, SMALL, LINEAR), checks(name) | own, accuracy)
 
-    def finite(name: str, words: str, numerics: Mapping[str, Any], check: Check, **more: Any) -> Hard:
-        return Hard(name, words, usual, (FINITE,), {FINITE: check}, numerics, **more)
+    def finite(name: str, words: str, check: Check, **more: Any) -> Hard:
+        return Hard(name, words, usual, (FINITE,), {FINITE: check}, more=more)
 
     twin = "usual-finite-strain"
     point = {POINT: Check("linear_bem, another model of the same problem", "usual-linear-bem")}
     return [
         Hard("usual", "touching balls, D = 0.1 R on h = 1.16 R, as baseline", usual,
              (FINITE, SMALL, LINEAR, POINT), checks("usual") | point),
-        finite("one-step", "the whole load in one step", ONE_STEP,
-               Check("path independence: many steps, on a mesh made for them", twin), steps=(1.0,)),
-        finite("restart", "interrupted after the third load step and resumed", {},
+        finite("one-step", "the whole load in one step",
+               Check("path independence: many steps, on a mesh made for them", twin), numerics=ONE_STEP, steps=(1.0,)),
+        finite("restart", "interrupted after the third load step and resumed",
                Check("an uninterrupted run", twin, 1e-6), stop_after=3),
         Hard("scaled", "the same in other units: lengths 1000 times, moduli 1e9 times", scaled(usual, 1e3),
              (FINITE,), {FINITE: Check("scaling: T ~ E R^2", twin, 1e-6, 1e15)}),
-        finite("coarse", "quadratic elements on the two coarsest meshes", {}, Check("the usual elements", twin),
+        finite("coarse", "quadratic elements on the two coarsest meshes", Check("the usual elements", twin),
                levels=QUADRATIC),
-        finite("badly-graded", "element sizes that grow twice as fast", GRADED,
-               Check("the usual mesh", twin)),
+        finite("badly-graded", "element sizes that grow twice as fast", Check("the usual mesh", twin), numerics=GRADED),
         Hard("light", "hardly touching: D = 1e-4 R", pair(1e-4), (FINITE, SMALL, LINEAR),
              {FINITE: checks("light")[FINITE]}, unknowns={FINITE: 250e3}),
         three("nearly-incompressible", "nu = 0.4999", pair(0.1, poisson=0.4999),
@@ -194,7 +192,8 @@ def cases(quick: bool) -> list[Case]:
         shallow = {h.name: pair(0.022) for h in chosen if h.name in ("usual", "one-step", "restart")}
         chosen = [
             dataclasses.replace(
-                h, problem=shallow.get(h.name, h.problem), stop_after=1 if h.stop_after else None,
+                h, problem=shallow.get(h.name, h.problem),
+                more={**h.more, "stop_after": 1} if h.name == "restart" else h.more,
                 words=h.words.replace("D = 0.1 R", "D = 0.022 R").replace("third", "first"),
             )
             for h in chosen
@@ -216,8 +215,6 @@ def case_of(hard: Hard, model: str, accuracy: float) -> Case:
     name = f"{hard.name}-{model.replace('_', '-')}"
     if model not in (FINITE, SMALL):
         return Case(name, problem, model, LINEAR_ACCURACY, labels=labels, steps=None if model == LINEAR else (1.0,))
-    if hard.levels:
-        return LevelCase(name, problem, model, accuracy, {}, labels, None, numerics=hard.numerics, levels=hard.levels)
-    stop = hard.stop_after if model == FINITE else None
+    kind = LevelCase if "levels" in hard.more else Case
     budget = {"unknowns": hard.unknowns[model]} if model in hard.unknowns else {}
-    return Case(name, problem, model, accuracy, {}, labels, hard.steps, stop, budget, numerics=hard.numerics)
+    return kind(name, problem, model, accuracy, {}, labels, budget=budget, **{"steps": None, **hard.more})
