@@ -11,7 +11,9 @@ from runs.process.files import write_csv
 from runs.studies import Options
 from runs.studies.collective import boundary, cases, pictures
 from runs.studies.collective.cases import Finished, PairLaw
+from runs.studies.framework.case import Found, StudyFolder
 from runs.studies.framework.page import render
+from runs.studies.framework.runner import run_cases
 from runs.studies.framework.study import CASES, Study, command, timed
 
 SHOWN = (6.0, 0.3, 1)
@@ -44,12 +46,7 @@ def compute(folder: Path, options: Options) -> None:
     for case in cases.cases(options.quick):
         with timed(case.name):
             cases.evolve(case, place, fresh=options.fresh)
-    for thickness in () if options.quick else boundary.THICKNESSES:
-        file = boundary.file_of(place, thickness)
-        known = [row["h/R"] for row in boundary.read(place)]
-        if options.fresh or thickness not in known:
-            with timed(f"two touching balls, h = {thickness:g} R"):
-                boundary.compute(thickness, file)
+    run_cases("collective", [] if options.quick else boundary.cases(), folder, options)
 
 
 def page(folder: Path, quick: bool) -> str:
@@ -66,7 +63,9 @@ def page(folder: Path, quick: bool) -> str:
         pictures.draw_growth(folder, free)
         for case in (d.case for d in free if (d.case.thickness, d.case.fraction, d.case.seed) == SHOWN):
             pictures.draw_gathering(folder, case, laws[case.thickness].largest)
-    return text(found, laws, boundary.read(folder / CASES), quick, deep)
+    touching = Found.of(StudyFolder(folder, "collective"), [] if quick else boundary.cases())
+    missing = (f"- {sentence}" for sentence in touching.missing())
+    return "\n".join([text(found, laws, boundary.read(touching), quick, deep), *missing])
 
 
 def growth(done: Finished) -> Growth | None:

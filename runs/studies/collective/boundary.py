@@ -1,52 +1,39 @@
 """The thickness at which T of two touching balls vanishes, by both models."""
 
-import dataclasses
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from linear_bem import solve
-from runs.process.files import read_json, write_text
-from runs.process.json_values import to_json
 from runs.studies.collective.cases import APPROACH, POISSON
-from runs.studies.framework.pair import pair
+from runs.studies.framework.case import DONE, FINITE, LINEAR, Case, Found, pull
+from runs.studies.framework.pair import as_seen_by, pair
 
 THICKNESSES = (1.6, 1.8, 2.0)
-ACCURACY = 0.05
-"""Accuracy of T at finite strain, relative to |T| or to a tenth of a half-space's force."""
-KEY = f"D {APPROACH:g} R, nu {POISSON:g}, accuracy {ACCURACY:g}"
-"""Saved answers with another key are not used."""
+ACCURACY = {LINEAR: 1e-4, FINITE: 0.05}
+"""Accuracy of T by model, relative to |T| or, at finite strain, to a tenth of a half-space's force."""
+KINEMATICS = {LINEAR: "small strain", FINITE: "finite strain"}
 
 
-def compute(thickness: float, file: Path) -> None:
-    """Save T/Q of two touching balls by both models, with errors."""
-    from mpi4py import MPI  # noqa: PLC0415
-
-    import finite_strain  # noqa: PLC0415  (imports DOLFINx)
-
-    problem = pair(APPROACH, thickness, poisson=POISSON, substrate=None)
-    row: dict[str, Any] = {"h/R": thickness, "key": KEY}
-    linear = dataclasses.replace(problem, finite_strain=None)
-    # one rank alone runs this study
-    finite = finite_strain.solve(problem, accuracy=ACCURACY, comm=MPI.COMM_SELF)
-    for name, result in (("small", solve(linear)), ("finite", finite)):
-        left = result.balls[0]
-        row[f"{name} strain"] = left.tangential_force[0] / left.normal_force
-        row[f"error, {name} strain"] = left.tangential_force_error / left.normal_force
-    write_text(file, to_json(row))
+def cases() -> list[Case]:
+    """Return two touching balls on every layer by both models."""
+    problems = {h: pair(APPROACH, h, poisson=POISSON, substrate=None) for h in THICKNESSES}
+    return [
+        Case(f"touching-h{h:g}-{model}", as_seen_by(model, problem), model, accuracy, labels={"h": h}, alone=True)
+        for h, problem in problems.items()
+        for model, accuracy in ACCURACY.items()
+    ]
 
 
-def read(folder: Path) -> list[dict[str, Any]]:
-    """Return the saved rows."""
-    found = (read_json(file_of(folder, thickness)) for thickness in THICKNESSES)
-    return [row for row in found if row is not None and row.pop("key", "") == KEY]
-
-
-def file_of(folder: Path, thickness: float) -> Path:
-    """Return the file of a thickness."""
-    return folder / f"touching-h{thickness:g}.json"
+def read(found: Found) -> list[dict[str, Any]]:
+    """Return T/Q with its error by both models, one row per thickness that both have solved."""
+    rows: dict[float, dict[str, Any]] = {h: {"h/R": h} for h in THICKNESSES}
+    for case in found.cases:
+        if found.state(case.name) == DONE:
+            balls = found.steps(case.name)[-1]["balls"]
+            ratio, error = np.divide(pull(balls), balls[0]["normal_force"]).tolist()
+            rows[case.labels["h"]] |= {KINEMATICS[case.model]: ratio, f"error, {KINEMATICS[case.model]}": error}
+    return [row for row in rows.values() if len(row) == 5]
 
 
 def vanishing(rows: Sequence[dict[str, Any]]) -> list[str]:

@@ -38,15 +38,7 @@ def study_of_cases(
     """
 
     def compute(path: Path, options: Options) -> None:
-        folder = StudyFolder(path, name) if ranks.is_root() else None
-        part, parts = options.shard
-        mine = cases(options.quick)[part - 1 :: parts]
-        comm = ranks.world() if any(case.parallel for case in mine) else None
-        for number, case in enumerate(mine, start=1):
-            signals.check()
-            if folder is not None and options.fresh:
-                folder.forget(case)
-            _run_case(case, folder, comm, f"{number}/{len(mine)} {case.name}")
+        run_cases(name, cases(options.quick), path, options)
 
     def page(path: Path, quick: bool) -> str:
         found = Found.of(StudyFolder(path, name), cases(quick))
@@ -59,6 +51,19 @@ def study_of_cases(
         return f"{present(found, path)}\n\n{made}"
 
     return Study(name, compute, page, publishes)
+
+
+def run_cases(name: str, cases: Sequence[Case], path: Path, options: Options) -> None:
+    """Complete this run's share of ``cases`` in the folder ``path`` of the study ``name`` (collective)."""
+    folder = StudyFolder(path, name) if ranks.is_root() else None
+    part, parts = options.shard
+    mine = cases[part - 1 :: parts]
+    comm = ranks.world() if any(case.parallel and not case.alone for case in mine) else None
+    for number, case in enumerate(mine, start=1):
+        signals.check()
+        if folder is not None and options.fresh:
+            folder.forget(case)
+        _run_case(case, folder, comm, f"{number}/{len(mine)} {case.name}")
 
 
 def _run_case(case: Case, folder: StudyFolder | None, comm: Any, title: str) -> None:
