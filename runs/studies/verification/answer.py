@@ -36,7 +36,7 @@ def present(found: Found, folder: Path) -> str:
             | _counts(tables[p.name])
             for p in PARTS
         ],
-        rows={name: [{**row, "verdict": row["verdict"] or "-"} for row in rows] for name, rows in tables.items()},
+        rows=tables,
         title={p.name: p.title for p in PARTS}, paper_load=PAPER_LOAD, band=convergence.BAND,
         floor=convergence.FLOOR, distance=routes.DISTANCE, shift=routes.SHIFT,
         nu=" and ".join(dict.fromkeys(f"{case.problem.layer.poisson:g}" for case in found.of_part(routes.NAME))),
