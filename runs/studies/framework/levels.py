@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,12 +16,13 @@ import numpy as np
 from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
-from linear_bem.result import BallResult, Result, Solved, Step
+from linear_bem.result import Result, Solved, Step
 from runs.models import Run
 from runs.studies.framework.case import Case
 
 if TYPE_CHECKING:
     from finite_strain.discretisation.checkpoint import Snapshot
+    from finite_strain.discretisation.discrete_model import Meshed
     from finite_strain.equilibrium.load_path import State, StepRecord
     from finite_strain.one_discretisation import ModelRun
     from finite_strain.planning.records import Discretisation, Record
@@ -72,22 +72,28 @@ class LevelCase(Case):
     def solve(self, run: Run) -> Result:
         """Solve the load path on every level (collective)."""
         from finite_strain import Numerics, compat  # noqa: PLC0415  (finite-element cases only)
+        from finite_strain.geometry.symmetry import reduce_scene  # noqa: PLC0415
         from finite_strain.mpi import working_folder  # noqa: PLC0415
+        from finite_strain.one_discretisation import mesh_box  # noqa: PLC0415
         from finite_strain.planning.records import Record  # noqa: PLC0415
         from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
         plan = plan_run(self.problem, self.accuracy, self.model, steps=run.steps, numerics=Numerics(**run.numerics))
+        shifted = plan
+        if self.shift:
+            problem = moved(plan.problem, self.shift)
+            shifted = dataclasses.replace(plan, problem=problem, reduction=reduce_scene(problem))
         records = [Record(level.discretisation()) for level in self.levels]
         steps: list[Step] = []
         seen: Seen = {}
         with working_folder(run.folder, run.comm) as folder:
             for number, record in enumerate(records):
-                file = folder / f"mesh_{number}.msh"
+                meshed = mesh_box(plan.box(record.level), folder / f"mesh_{number}.msh", run.comm)
                 if self.shift:
-                    steps += _moved(plan, record, self.shift, file, run)
-                else:
-                    before = records[max(number - 1, 0)]
-                    steps += _answered(plan, record, before, seen, file, run, self.incomplete)
+                    (zone,) = plan.box(record.level).zones  # mirrored at x = 0
+                    move_nodes(meshed[0].geometry.x, zone, self.shift)
+                before = records[max(number - 1, 0)]
+                steps += _answered(shifted, record, before, seen, meshed, run, self.incomplete)
         details = [step.record for step in steps]
         solved = Solved(
             True, sum(d["iterations"] for d in details), max(d["unknowns"] for d in details),
@@ -97,7 +103,7 @@ class LevelCase(Case):
 
 
 def _answered(
-    plan: RunPlan, record: Record, before: Record, seen: Seen, file: Path, run: Run, incomplete: bool
+    plan: RunPlan, record: Record, before: Record, seen: Seen, meshed: Meshed, run: Run, incomplete: bool
 ) -> list[Step]:
     """Return the answers on one discretisation, with the small-strain pair as in a full run (collective)."""
     from finite_strain.accuracy.answer import Answers  # noqa: PLC0415
@@ -107,7 +113,7 @@ def _answered(
     from finite_strain.one_discretisation import MeshRun  # noqa: PLC0415
     from finite_strain.planning.records import Row  # noqa: PLC0415
 
-    mesh = MeshRun(plan, record.level, file, run.comm, run.observer or Silence(), str(record.level))
+    mesh = MeshRun(plan, record.level, meshed, run.comm, run.observer or Silence(), str(record.level))
     answers = Answers(plan, [before, record])
     steps: list[Step] = []
     began = time.monotonic()
@@ -146,35 +152,6 @@ def _along(run: ModelRun, model: str, seen: Seen, fractions: Any) -> Iterator[St
         run.path.augment(done)
         seen[model, done.fraction] = run.snapshot(done.fraction)
         yield done
-
-
-def _moved(plan: RunPlan, record: Record, shift: float, file: Path, run: Run) -> list[Step]:
-    """Return energies and normal forces on a mesh moved with the balls; T is not computed (collective)."""
-    from finite_strain.geometry.symmetry import reduce_scene  # noqa: PLC0415
-    from finite_strain.observer import Silence  # noqa: PLC0415
-    from finite_strain.one_discretisation import ModelRun, mesh_box  # noqa: PLC0415
-
-    box = plan.box(record.level)
-    problem = moved(plan.problem, shift)
-    shifted = dataclasses.replace(plan, problem=problem, reduction=reduce_scene(problem))
-    meshed = mesh_box(box, file, run.comm)
-    (zone,) = box.zones  # mirrored at x = 0
-    move_nodes(meshed[0].geometry.x, zone, shift)
-    driven = ModelRun(shifted, meshed, box, record.level, run.observer or Silence(), f"{record.level}, moved")
-    steps = []
-    try:
-        for done in _along(driven, "own", {}, plan.path):
-            if done.fraction in plan.goals:
-                force, nan = float(driven.model.forces()[0, 2]), float("nan")
-                balls = tuple(
-                    BallResult(ball.position, ball.radius, done.fraction * depth, force, (nan, nan), nan, nan, nan)
-                    for ball, depth in zip(problem.balls, problem.load.values, strict=True)
-                )
-                took = {"iterations": done.newton_iterations, "augmented": done.augmented, "seconds": 0.0}
-                steps.append(Step(balls, {**_of(plan, driven, record), "fraction": done.fraction, **took}))
-    finally:
-        driven.close()
-    return steps
 
 
 def _of(plan: RunPlan, run: ModelRun, record: Record) -> dict[str, Any]:
