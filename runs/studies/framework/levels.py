@@ -13,10 +13,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from finite_strain import Numerics
+from finite_strain.geometry.symmetry import reduce_scene
+from finite_strain.observer import Silence
+from finite_strain.planning.records import Discretisation, Record, Row
+from finite_strain.planning.run_plan import RunPlan, plan_run
 from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
 from linear_bem.result import Result, Solved, Step
+from meshes.box import Zone
 from runs.models import Run
 from runs.studies.framework.case import Case
 
@@ -25,9 +31,6 @@ if TYPE_CHECKING:
     from finite_strain.discretisation.discrete_model import Meshed
     from finite_strain.equilibrium.load_path import State, StepRecord
     from finite_strain.one_discretisation import ModelRun
-    from finite_strain.planning.records import Discretisation, Record
-    from finite_strain.planning.run_plan import RunPlan
-    from meshes.box import Zone
 
 STILL = 0.7
 """Fraction of a mesh block's half-width about the ball's axis within which the mesh moves rigidly with the ball."""
@@ -46,8 +49,6 @@ class Level:
 
     def discretisation(self) -> Discretisation:
         """Return the discretisation as the solver's record."""
-        from finite_strain.planning.records import Discretisation  # noqa: PLC0415
-
         return Discretisation(**dataclasses.asdict(self))
 
 
@@ -71,12 +72,9 @@ class LevelCase(Case):
 
     def solve(self, run: Run) -> Result:
         """Solve the load path on every level (collective)."""
-        from finite_strain import Numerics, compat  # noqa: PLC0415  (finite-element cases only)
-        from finite_strain.geometry.symmetry import reduce_scene  # noqa: PLC0415
+        from finite_strain import compat  # noqa: PLC0415  (imports DOLFINx, like all below)
         from finite_strain.mpi import working_folder  # noqa: PLC0415
         from finite_strain.one_discretisation import mesh_box  # noqa: PLC0415
-        from finite_strain.planning.records import Record  # noqa: PLC0415
-        from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
         plan = plan_run(self.problem, self.accuracy, self.model, steps=run.steps, numerics=Numerics(**run.numerics))
         shifted = plan
@@ -109,9 +107,7 @@ def _answered(
     from finite_strain.accuracy.answer import Answers  # noqa: PLC0415
     from finite_strain.equilibrium.newton import Effort  # noqa: PLC0415
     from finite_strain.mpi import on_root  # noqa: PLC0415
-    from finite_strain.observer import Silence  # noqa: PLC0415
     from finite_strain.one_discretisation import MeshRun  # noqa: PLC0415
-    from finite_strain.planning.records import Row  # noqa: PLC0415
 
     mesh = MeshRun(plan, record.level, meshed, run.comm, run.observer or Silence(), str(record.level))
     answers = Answers(plan, [before, record])

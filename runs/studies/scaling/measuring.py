@@ -13,6 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from finite_strain.geometry.estimates import penalties
+from finite_strain.observer import Silence
+from finite_strain.planning.records import Discretisation
+from finite_strain.planning.run_plan import plan_run
 from linear_bem import Elements
 from runs.process.machine import own_memory
 from runs.studies.framework.pair import pair
@@ -52,8 +56,6 @@ def measure(form: str, target: int, state: Snapshot, comm: MPI.Comm) -> Iterator
     forget_peak()
     before = own_memory("VmRSS")
     run = _run(form, target, comm)
-    from finite_strain.geometry.estimates import penalties  # noqa: PLC0415  (imports DOLFINx, like all below)
-
     near = run.predicted_by(state)
     run.model.fields.restore(near.values)
     run.model.contact.set_approaches(np.array(near.approaches))
@@ -68,10 +70,7 @@ def measure(form: str, target: int, state: Snapshot, comm: MPI.Comm) -> Iterator
 
 def _run(form: str, target: float, comm: MPI.Comm) -> ModelRun:
     """Return the pair on a mesh of about ``target`` unknowns (collective)."""
-    from finite_strain.observer import Silence  # noqa: PLC0415
-    from finite_strain.one_discretisation import ModelRun, mesh_box  # noqa: PLC0415
-    from finite_strain.planning.records import Discretisation  # noqa: PLC0415
-    from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
+    from finite_strain.one_discretisation import ModelRun, mesh_box  # noqa: PLC0415  (imports DOLFINx)
 
     balls = pair(DEPTH, poisson=FORMS[form], substrate=None, shape="paraboloid")
     plan = plan_run(dataclasses.replace(balls, elements=Elements(form)), 0.02, "finite_strain")

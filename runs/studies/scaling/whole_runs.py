@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from finite_strain.planning.run_plan import plan_run
 from linear_bem import Elements
 from runs.models import Run
 from runs.process.machine import own_memory
@@ -62,8 +63,6 @@ def run(target: int, comm: MPI.Comm) -> list[dict[str, Any]]:
 
 
 def _levels(problem: Any, target: int) -> tuple[Level, ...]:
-    from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415  (imports DOLFINx)
-
     plan = plan_run(problem, ACCURACY, "finite_strain", steps=STEPS)
     fine = min((Level(3, f) for f in FINENESSES), key=lambda at: abs(plan.unknowns(at.discretisation()) - target))
     return Level(2), Level(3), fine
