@@ -39,17 +39,11 @@ Seen = dict[tuple[str, float], "Snapshot"]
 
 
 @dataclass(frozen=True)
-class Level:
-    """A discretisation without the solver; see `finite_strain.planning.records.Discretisation`."""
+class Level(Discretisation):
+    """A discretisation, by default of order 3 and fineness 1."""
 
     order: int = 3
     fineness: float = 1.0
-    extent: float = 1.0
-    penalty: float = 1.0
-
-    def discretisation(self) -> Discretisation:
-        """Return the discretisation as the solver's record."""
-        return Discretisation(**dataclasses.asdict(self))
 
 
 @dataclass(frozen=True)
@@ -81,7 +75,7 @@ class LevelCase(Case):
         if self.shift:
             problem = moved(plan.problem, self.shift)
             shifted = dataclasses.replace(plan, problem=problem, reduction=reduce_scene(problem))
-        records = [Record(level.discretisation()) for level in self.levels]
+        records = [Record(level) for level in self.levels]
         steps: list[Step] = []
         seen: Seen = {}
         with working_folder(run.folder, run.comm) as folder:

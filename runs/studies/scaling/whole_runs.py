@@ -64,5 +64,5 @@ def run(target: int, comm: MPI.Comm) -> list[dict[str, Any]]:
 
 def _levels(problem: Any, target: int) -> tuple[Level, ...]:
     plan = plan_run(problem, ACCURACY, "finite_strain", steps=STEPS)
-    fine = min((Level(3, f) for f in FINENESSES), key=lambda at: abs(plan.unknowns(at.discretisation()) - target))
+    fine = min((Level(3, f) for f in FINENESSES), key=lambda at: abs(plan.unknowns(at) - target))
     return Level(2), Level(3), fine
