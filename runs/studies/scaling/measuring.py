@@ -17,7 +17,7 @@ from finite_strain.geometry.estimates import penalties
 from finite_strain.observer import Silence
 from finite_strain.planning.records import Discretisation
 from finite_strain.planning.run_plan import plan_run
-from linear_bem import Elements
+from linear_bem import Elements, Problem
 from runs.process.machine import own_memory
 from runs.studies.framework.pair import pair
 
@@ -39,6 +39,12 @@ DEPTH = 0.1
 FINENESSES = np.arange(1.0, 16.1, 0.25).tolist()
 PATH = (0.2, 0.6, 1.0)
 """Fractions of the depth at which equilibrium is solved before measuring."""
+
+
+def pair_of(form: str) -> Problem:
+    """Return the pair at the approach `DEPTH`, with elements of a form."""
+    balls = pair(DEPTH, poisson=FORMS[form], substrate=None, shape="paraboloid")
+    return dataclasses.replace(balls, elements=Elements(form))
 
 
 def pressed(form: str, comm: MPI.Comm) -> Snapshot:
@@ -72,8 +78,7 @@ def _run(form: str, target: float, comm: MPI.Comm) -> ModelRun:
     """Return the pair on a mesh of about ``target`` unknowns (collective)."""
     from finite_strain.one_discretisation import ModelRun, mesh_box  # noqa: PLC0415  (imports DOLFINx)
 
-    balls = pair(DEPTH, poisson=FORMS[form], substrate=None, shape="paraboloid")
-    plan = plan_run(dataclasses.replace(balls, elements=Elements(form)), 0.02, "finite_strain")
+    plan = plan_run(pair_of(form), 0.02, "finite_strain")
     levels = [Discretisation(3, fineness) for fineness in FINENESSES]
     level = min(levels, key=lambda level: abs(plan.unknowns(level) - target))
     box = plan.box(level)

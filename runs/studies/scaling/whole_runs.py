@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from finite_strain.planning.run_plan import plan_run
-from linear_bem import Elements
 from runs.models import Run
 from runs.process.machine import own_memory
 from runs.session.progress import print_status
 from runs.studies.framework.levels import Level, LevelCase
-from runs.studies.framework.pair import pair
-from runs.studies.scaling.measuring import DEPTH, FORMS, forget_peak
+from runs.studies.scaling.measuring import forget_peak, pair_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -35,11 +32,10 @@ def run(target: int, comm: MPI.Comm) -> list[dict[str, Any]]:
 
     Two coarse meshes come first: the path finder, which gives initial guesses to the next, and one for the error.
     """
-    form = next(iter(FORMS))
-    problem = dataclasses.replace(
-        pair(DEPTH, poisson=FORMS[form], substrate=None, shape="paraboloid"), elements=Elements(form)
-    )
-    case = LevelCase("", problem, "finite_strain", ACCURACY, steps=STEPS, levels=_levels(problem, target))
+    problem = pair_of("displacement")
+    plan = plan_run(problem, ACCURACY, "finite_strain", steps=STEPS)
+    fine = min((Level(3, f) for f in FINENESSES), key=lambda at: abs(plan.unknowns(at) - target))
+    case = LevelCase("", problem, "finite_strain", ACCURACY, steps=STEPS, levels=(Level(2), Level(3), fine))
     forget_peak()
     begun = time.process_time()
     result = case.solve(Run(comm=comm, steps=STEPS))
@@ -60,9 +56,3 @@ def run(target: int, comm: MPI.Comm) -> list[dict[str, Any]]:
         for row in seen:
             print_status(", ".join(f"{key} {value}" for key, value in row.items()))
     return seen
-
-
-def _levels(problem: Any, target: int) -> tuple[Level, ...]:
-    plan = plan_run(problem, ACCURACY, "finite_strain", steps=STEPS)
-    fine = min((Level(3, f) for f in FINENESSES), key=lambda at: abs(plan.unknowns(at) - target))
-    return Level(2), Level(3), fine
