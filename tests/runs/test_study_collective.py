@@ -17,6 +17,7 @@ from runs.process.files import write_csv
 from runs.session.session import Session
 from runs.studies.collective import answer, boundary, cases
 from runs.studies.collective.cases import Case
+from runs.studies.framework.case import Found, StudyFolder
 
 SOLVED = ("converged", "iterations", "seconds")
 CASES = [Case(2.0, 0.3, 101, 1), Case(0.8, 0.3, 101, 1)]
@@ -196,6 +197,22 @@ def test_the_force_of_touching_balls_vanishes_where_a_parabola_says() -> None:
     found = [[float(number) for number in re.findall(r"\d\.\d+", words)] for words in (small, finite)]
     assert [place for place, _ in found] == pytest.approx([1.65, 1.7], abs=2e-3)
     assert 0.01 <= found[1][1] < 0.02
+
+
+def test_touching_balls_are_a_row_where_both_models_have_solved_them_and_named_where_not(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(cases, "cases", lambda quick: [])
+    pair = [{"position": [x, 0.0], "tangential_force": [-2e-3 * x, 0.0]} for x in (-1.0, 1.0)]
+    balls = [ball | {"normal_force": 0.5, "tangential_force_error": 1e-4} for ball in pair]
+    for case in boundary.cases()[:3]:
+        StudyFolder(tmp_path, "collective").save(case, {"state": "done", "steps": [{"balls": balls}]})
+    (row,) = boundary.read(Found.of(StudyFolder(tmp_path, "collective"), boundary.cases()))
+    assert row["h/R"] == boundary.THICKNESSES[0]
+    assert [row[f"{word}{name} strain"] for name in ("small", "finite") for word in ("", "error, ")] == pytest.approx(
+        [4e-3, 2e-4] * 2
+    )
+    assert answer.page(tmp_path, quick=False).count("not run yet") == 3
 
 
 def test_runs_by_both_models_differ_in_the_model_alone(monkeypatch: pytest.MonkeyPatch) -> None:
