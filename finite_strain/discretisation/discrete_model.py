@@ -100,41 +100,33 @@ class Model:
     def _compile(self) -> None:
         measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
         bulk = self.volume_integral(lambda psi, _: psi) + regions.nothing_where_idle(self.bulks, self.mesh, measure)
-        u, test, trial = self.displacement, ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
         fields = self.fields.functions
         self._direction = self.fields.like()
         self._with_contact = constant(self.mesh, 1.0)
         potential = bulk + self._with_contact * self.contact.energy
-        # at small strain the bulk part of the tangent is constant; the contact part is added to it
-        self._has_constant_bulk = not (self.is_finite or self.is_mixed)
         residuals = [ufl.derivative(potential, f, ufl.TestFunction(f.function_space)) for f in fields]
-        varying = [ufl.derivative(bulk, u, test)] if self._has_constant_bulk else residuals
-        tangents = [ufl.derivative(r, f, ufl.TrialFunction(f.function_space)) for r in varying for f in fields]
-        pressed = ufl.derivative(ufl.derivative(self.contact.energy, u, test), u, trial)
+        tangents = [ufl.derivative(r, f, ufl.TrialFunction(f.function_space)) for r in residuals for f in fields]
         pairs = list(zip(fields, self._direction.functions, strict=True))
-        changing = [ufl.derivative(self.contact.energy, u, test)] if self._has_constant_bulk else residuals
-        self._products = [sum(ufl.derivative(r, f, d) for f, d in pairs) for r in changing]
+        self._products = [sum(ufl.derivative(r, f, d) for f, d in pairs) for r in residuals]
         inside = {"strain_energy": lambda psi, _: psi, "eshelby": self._eshelby}
         surface = self.contact.readings(self.stretch) | {"contact_energy": self.contact.energy}
         surface["configurational"] = self.contact.configurational_form(self.weight, self.axis)
         self.readings = Readings(self.contact, self.volume_integral, inside, surface)
-        self._by_move = ufl.derivative(surface["normal"], u, test)
-        forms = [*tangents, *residuals, *self.readings.forms, *[pressed] * self._has_constant_bulk]
-        compiled = iter(compat.compile_forms(forms, self.comm))
+        self._by_move = ufl.derivative(surface["normal"], self.displacement, ufl.TestFunction(self.space))
+        compiled = iter(compat.compile_forms([*tangents, *residuals, *self.readings.forms], self.comm))
         self._tangent = [[next(compiled) for _ in fields] for _ in fields]
         self._residual, *self._volume_residuals = [next(compiled) for _ in fields]
-        self.readings.compiled, self._contact_tangent = [next(compiled), next(compiled)], list(compiled)
+        self.readings.compiled = list(compiled)
         create = compat.create_block_matrix if self.is_mixed else dolfinx.fem.petsc.create_matrix
         self.matrix = create(self._tangent if self.is_mixed else self._tangent[0][0])
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        self._linear: PETSc.Mat | None = None
         self._work = compat.ghosted_vector(self._residual, self.space)
         spaces = [pressure.function_space for pressure in self.fields.pressures]
         self._volume_work = [compat.ghosted_vector(*pair) for pair in zip(self._volume_residuals, spaces, strict=True)]
 
     @cached_property
     def actions(self) -> list[Any]:
-        """The products of the tangent's varying part with a direction, compiled on first use (collective)."""
+        """The products of the tangent with a direction, compiled on first use (collective)."""
         return compat.compile_forms(self._products, self.comm)
 
     @cached_property
@@ -144,9 +136,8 @@ class Model:
 
     def close(self) -> None:
         """Free the matrices and the work vectors (collective)."""
-        for item in (self.matrix, self._linear, self._work, *self._volume_work):
-            if item is not None:
-                item.destroy()
+        for item in (self.matrix, self._work, *self._volume_work):
+            item.destroy()
         compat.free_dropped_objects(self.comm)
 
     @property
@@ -245,39 +236,20 @@ class Model:
         held = self._bottom[self._bottom < len(residual)]
         return float(self.comm.allreduce(float(residual[held, 2].sum()), op=MPI.SUM))
 
-    def tangent(self, stores: bool = True) -> None:
-        """Assemble the second derivative of the total potential into ``matrix``; identity in constrained rows.
-
-        ``stores``: keep a copy of the constant part, which needs as much memory as the matrix.
-        """
-        matrix, assemble, is_linear = self.matrix, dolfinx.fem.petsc.assemble_matrix, self._has_constant_bulk
-        if self._linear is not None:
-            self._linear.copy(matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    def tangent(self) -> None:
+        """Assemble the second derivative of the total potential into ``matrix``; identity in constrained rows."""
+        self.matrix.zeroEntries()
+        if self.is_mixed:
+            compat.assemble_block_matrix(self.matrix, self._tangent, self.bcs)
         else:
-            matrix.zeroEntries()
-            if self.is_mixed:
-                compat.assemble_block_matrix(matrix, self._tangent, self.bcs)
-            else:
-                assemble(matrix, self._tangent[0][0], self.bcs)
-            matrix.assemble()
-            self._linear = matrix.duplicate(copy=True) if is_linear and stores else None
-        if is_linear:
-            assemble(matrix, self._contact_tangent[0], self.bcs)
-            matrix.assemble()
+            dolfinx.fem.petsc.assemble_matrix(self.matrix, self._tangent[0][0], self.bcs)
+        self.matrix.assemble()
 
     def action(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Multiply the second derivative of the total potential with x, zero in constrained rows, into y.
-
-        `tangent` must have stored the constant part, if there is one.
-        """
-        assert not self._has_constant_bulk or self._linear is not None
+        """Multiply the second derivative of the total potential with x, zero in constrained rows, into y."""
         self._direction.set(x)
         self._direction.displacement.x.array.reshape(-1, 3)[self.constrained] = 0.0
-        product = self._summed(self.actions[:1])
-        if self._linear is not None:
-            self._linear.mult(x, y)
-            product += y.array_r.reshape(-1, 3)
-        self._store_free(product, y)
+        self._store_free(self._summed(self.actions[:1]), y)
         if self.is_mixed:
             y.array[self.fields.ranges[1].start : self.fields.ranges[-1].stop] = self._by_pressure(self.actions[1:])
 

@@ -211,7 +211,7 @@ class NewtonSolver:
 
     def _renew(self, x: PETSc.Vec) -> None:
         self._set(x)
-        self.model.tangent(stores=self.choice.direct)
+        self.model.tangent()
         self.effort.tangents += 1
         self._keeps = True
         self.system.linearise(is_old=False)

@@ -20,7 +20,6 @@ from finite_strain.equilibrium.solver_options import choose, given_in, solver_no
 from linear_bem import Elastic, InvalidProblem, Load, NotConverged
 from tests.finite_strain.scenes import (
     COARSER,
-    at_small_strain,
     coarse_plan,
     coarse_rig,
     in_form,
@@ -300,23 +299,6 @@ def test_closing_the_last_solver_removes_its_options(tmp_path: Path, options: Ca
     assert not linear_solver._open_solvers
     linear_solver._open_solvers.update(others)
     assert PETSc.Options("thirdbody_").getAll() == {"ksp_rtol": "1e-7"}  # the user's own stays
-
-
-@pytest.mark.parametrize("limit", ["1e9", "0"])
-def test_multigrid_at_small_strain_keeps_no_second_matrix(
-    limit: str, tmp_path: Path, options: Callable[[str, str], None]
-) -> None:
-    options("direct_up_to", limit)
-    rig = coarse_rig(coarse_plan(at_small_strain(pair(0.1, poisson=0.3)), "small_strain", numerics=COARSER), tmp_path)
-    rig.press(PATH)
-    stored = rig.model._linear
-    assert (stored is None) == (limit == "0")
-    rig.model.tangent(stores=False)
-    once = rig.model.matrix.copy()
-    rig.model.tangent(stores=True)  # from now on from the copy
-    rig.model.tangent()
-    once.axpy(-1.0, rig.model.matrix)
-    assert once.norm() < 1e-14 * rig.model.matrix.norm()
 
 
 LEFT_OPEN = """
