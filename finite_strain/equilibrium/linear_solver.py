@@ -5,11 +5,9 @@ into displacement and pressure, and the pressure's Schur complement is approxima
 stiffness, -(1/mu + 1/lambda) int p q.
 """
 
-import atexit
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
-from weakref import WeakSet
 
 import numpy as np
 import ufl
@@ -26,14 +24,10 @@ from linear_bem.counts import grouped
 from linear_bem.errors import InvalidProblem, NotConverged
 from linear_bem.memory import SHARE, free_memory
 
-_ours: dict[str, str] = {}
-"""Our options in PETSc's database (one per process). A solver for another form or size replaces them."""
-
 
 def given_options() -> dict[str, str]:
-    """Return the user's own options of our prefix."""
-    every = PETSc.Options(PREFIX).getAll()
-    return {key: value for key, value in every.items() if _ours.get(key) != value}
+    """Return the options of our prefix in PETSc's database: the user's own, while no solver works."""
+    return dict(PETSc.Options(PREFIX).getAll())
 
 
 def unused_options() -> list[str]:
@@ -43,35 +37,18 @@ def unused_options() -> list[str]:
 
 @contextmanager
 def with_options(options: Mapping[str, str]) -> Iterator[None]:
-    """Add options of our prefix to those of the user inside a with block."""
-    database, before = PETSc.Options(PREFIX), given_options()  # our options must not become the user's
-    for key, value in options.items():
-        database[key] = value
+    """Add options of our prefix to those in PETSc's database inside a with block."""
+    database, before = PETSc.Options(PREFIX), given_options()
+    changed = [key for key, value in options.items() if before.get(key) != value]  # set again they would be unread
+    for key in changed:
+        database[key] = options[key]
     try:
         yield
     finally:
-        for key in options:
+        for key in changed:
             database.delValue(key)
             if key in before:
                 database[key] = before[key]
-
-
-def install(options: Mapping[str, str]) -> None:
-    """Replace our earlier options in PETSc's database; the user's own take precedence."""
-    database, given = PETSc.Options(PREFIX), given_options()
-    for key in _ours.keys() - given.keys():
-        database.delValue(key)
-    _ours.clear()
-    _ours.update({key: value for key, value in options.items() if key not in given})
-    for key, value in _ours.items():
-        database[key] = value
-
-
-@atexit.register
-def _uninstall() -> None:
-    """Remove our options, which PETSc 3.22 would list at its end as unused if an error has left a solver open."""
-    if not PETSc.Sys.isFinalized():
-        install({})
 
 
 def choose_for(model: Model) -> Choice:
@@ -86,7 +63,6 @@ class LinearSolver:
     def __init__(self, model: Model, ksp: PETSc.KSP, choice: Choice) -> None:
         self.model, self.ksp, self.choice = model, ksp, choice
         self._owned: list[Any] = []
-        _open_solvers.add(self)
         if choice.direct:
             return
         motions = self._rigid_motions()
@@ -98,17 +74,9 @@ class LinearSolver:
             self._split(motions)
 
     def close(self) -> None:
-        """Free all objects of the solver (collective), including those in the Krylov method of Newton's solver.
-
-        Closing the last solver removes our options from the database: PETSc 3.22 reports unused options at its end.
-        """
-        if self not in _open_solvers:
-            return
+        """Free all objects of the solver (collective), including those in the Krylov method of Newton's solver."""
         for item in (self.ksp, *self._owned):
             item.destroy()
-        _open_solvers.remove(self)
-        if not _open_solvers:
-            install({})
 
     def factors(self) -> PETSc.KSP:
         """Return new factors of MUMPS, to be destroyed by the caller (collective).
@@ -188,10 +156,6 @@ class LinearSolver:
         compat.assemble_block_matrix(matrix, forms, model.bcs)
         matrix.assemble()
         return matrix
-
-
-_open_solvers: WeakSet[LinearSolver] = WeakSet()
-"""Solvers that may read our options."""
 
 
 def blame_options(error: PETSc.Error) -> None:

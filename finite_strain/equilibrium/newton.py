@@ -4,7 +4,8 @@ In the mixed form equilibrium is a saddle point, not a minimum: the search uses 
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from petsc4py import PETSc
 
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.equilibrium.line_search import Merit
-from finite_strain.equilibrium.linear_solver import LinearSolver, blame_options, choose_for, given_options, install
+from finite_strain.equilibrium.linear_solver import LinearSolver, blame_options, choose_for, given_options, with_options
 from finite_strain.equilibrium.solver_options import PREFIX
 from finite_strain.equilibrium.tangent_system import TangentSystem
 from finite_strain.geometry.load_control import LoadControl
@@ -91,7 +92,8 @@ class NewtonSolver:
         self.snes.setConvergenceTest(self._converged)
         if monitor is not None:
             self.snes.setMonitor(lambda _, iteration, norm: monitor(iteration, norm))
-        self._set_from_options({})
+        with self.options():  # PETSc's message about a wrong one comes early
+            pass
         self.tolerance = self._goal = 0.0
         self._targets = np.zeros(0)
         self._norm, self._keeps, self._is_old, self._prepared = 0.0, False, False, False
@@ -114,7 +116,8 @@ class NewtonSolver:
     def prepare(self) -> None:
         """Assemble the tangent of the present equilibrium for the first iteration of the next solve (collective)."""
         self._take(self._x)
-        self._renew(self._x)
+        with self.options():
+            self._renew(self._x)
         self._prepared = True
 
     def solve(self, tolerance: float, force: float, fraction: float, keeps: bool = False) -> Equilibrium:
@@ -134,12 +137,11 @@ class NewtonSolver:
         exact, failed = self.tolerance, PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH
         for search, self._goal in (("bt", near_end), ("basic", exact), ("bt", exact), ("basic", exact)):
             self.snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=self.max_iterations)
-            self._set_from_options({"snes_linesearch_type": search})
-            iterations += self._iterate()
+            iterations += self._iterate(search)
             self._prepared = False
             if self.snes.getConvergedReason() == failed and self._is_old:  # the contact has changed since the tangent
                 self._keeps = False
-                iterations += self._iterate()
+                iterations += self._iterate(search)
             reason, norm = self.snes.getConvergedReason(), self.snes.getFunctionNorm()
             if norm <= exact:
                 self._set(self._x)
@@ -160,33 +162,36 @@ class NewtonSolver:
         if self.system.count:
             self.model.contact.set_approaches(self.control.moves @ self.system.approaches(x))
 
-    def _set_from_options(self, changed: dict[str, str]) -> None:
-        install(self._options | changed)
+    @contextmanager
+    def options(self, **changed: str) -> Iterator[None]:
+        """Take our options, and the user's before ours, inside a with block: PETSc reads some at the first solve.
+
+        Afterwards the database has the user's alone: PETSc 3.22 lists unused options at its end.
+        """
         try:
-            self.snes.setFromOptions()
-            self.linear.ksp.setFromOptions()
+            with with_options({**self._options, **changed, **given_options()}):
+                self.snes.setFromOptions()
+                self.linear.ksp.setFromOptions()
+                yield
         except PETSc.Error as error:
             blame_options(error)
             raise
 
-    def _iterate(self) -> int:
+    def _iterate(self, search: str) -> int:
         """Run Newton's method from ``_x``, with direct factors if the Krylov method fails; return its iterations."""
         solves = self.system.solves
-        try:
+        with self.options(snes_linesearch_type=search):
             self.snes.solve(None, self._x)
-        except PETSc.Error as error:
-            blame_options(error)
-            raise
-        iterations = self.snes.getIterationNumber()
-        failed = self.snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
-        if failed and not self.choice.direct:
-            self.effort.linear_fallbacks += 1
-            factors = self.linear.factors()
-            self.system.ksp = factors
-            self.snes.solve(None, self._x)
-            self.system.ksp = self.linear.ksp
-            factors.destroy()
-            iterations += self.snes.getIterationNumber()
+            iterations = self.snes.getIterationNumber()
+            failed = self.snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
+            if failed and not self.choice.direct:
+                self.effort.linear_fallbacks += 1
+                factors = self.linear.factors()
+                self.system.ksp = factors
+                self.snes.solve(None, self._x)
+                self.system.ksp = self.linear.ksp
+                factors.destroy()
+                iterations += self.snes.getIterationNumber()
         self.effort.linear_iterations += self.system.solves - solves
         return iterations
 

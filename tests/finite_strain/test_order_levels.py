@@ -67,7 +67,8 @@ def solve(rig: Rig) -> tuple[int, float]:
     b, x, residual = (model.matrix.createVecRight() for _ in range(3))
     model.border(np.ones(len(model.contact.balls)), b)
     ksp.setOperators(model.matrix)
-    ksp.solve(b, x)
+    with rig.solver.options():
+        ksp.solve(b, x)
     model.matrix.mult(x, residual)
     residual.axpy(-1.0, b)
     assert ksp.getConvergedReason() > 0

@@ -106,7 +106,8 @@ def _solved_by(name: str, run: ModelRun, before: float) -> dict[str, Any]:
     for _ in range(2 if model.unknowns <= TWICE_UP_TO else 1):
         assembled = _seconds(model.tangent, comm)
         ksp.setOperators(model.matrix)
-        spent.append((assembled, _seconds(lambda: ksp.solve(b, x), comm)))
+        with solver.options():
+            spent.append((assembled, _seconds(lambda: ksp.solve(b, x), comm)))
         iterations, failed = ksp.getIterationNumber(), failed + (ksp.getConvergedReason() < 0)
     used = comm.allreduce(own_memory("VmHWM") - before)
     for vector in (b, x):
