@@ -102,8 +102,7 @@ class Model:
         bulk = self.volume_integral(lambda psi, _: psi) + regions.nothing_where_idle(self.bulks, self.mesh, measure)
         fields = self.fields.functions
         self._direction = self.fields.like()
-        self._with_contact = constant(self.mesh, 1.0)
-        potential = bulk + self._with_contact * self.contact.energy
+        potential = bulk + self.contact.energy
         residuals = [ufl.derivative(potential, f, ufl.TestFunction(f.function_space)) for f in fields]
         tangents = [ufl.derivative(r, f, ufl.TrialFunction(f.function_space)) for r in residuals for f in fields]
         pairs = list(zip(fields, self._direction.functions, strict=True))
@@ -179,13 +178,6 @@ class Model:
         eshelby_row = psi * self.axis - ufl.dot(stress.T, ufl.dot(gradient, self.axis))
         return -ufl.inner(eshelby_row, ufl.grad(self.weight))
 
-    def bulk_residual(self) -> np.ndarray:
-        """Return the internal forces [N] at this rank's own nodes (nodes, 3): reactions at constrained nodes."""
-        self._with_contact.value = 0.0
-        values = self._summed([self._residual])
-        self._with_contact.value = 1.0
-        return values
-
     def residual(self, b: PETSc.Vec) -> None:
         """Assemble the derivative of the total potential [N] into b; zero in constrained rows."""
         self._store_free(self._summed([self._residual]), b)
@@ -232,7 +224,7 @@ class Model:
 
     def base_reaction(self) -> float:
         """Return the normal reaction [N] of the bottom on the simulated part (collective)."""
-        residual = self.bulk_residual()
+        residual = self._summed([self._residual])
         held = self._bottom[self._bottom < len(residual)]
         return float(self.comm.allreduce(float(residual[held, 2].sum()), op=MPI.SUM))
 
