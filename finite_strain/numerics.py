@@ -1,11 +1,20 @@
 """Numerical parameters that studies and tests vary, besides the discretisation and the required accuracy."""
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import Any
 
 from linear_bem.errors import InvalidProblem
+
+_RULES = {
+    int: ("a whole number, not negative", lambda v: isinstance(v, Integral) and int(v) >= 0),
+    float: ("a number greater than 0 and finite", lambda v: isinstance(v, Real) and 0.0 < float(v) < math.inf),
+    tuple: (
+        "a tuple of fractions of the load, below 1",
+        lambda v: isinstance(v, tuple | list) and all(isinstance(f, Real) and 0.0 < float(f) < 1.0 for f in v),
+    ),
+}
+"""By the type of a parameter's default: the words for a valid value, and their check."""
 
 
 @dataclass(frozen=True)
@@ -38,20 +47,10 @@ class Numerics:
 
     def __post_init__(self) -> None:
         faults = []
-        for field in fields(self):
-            value: Any = getattr(self, field.name)
-            values: Any = (value,)
-            kind: Any = Integral if field.type in ("int", int) else Real
-            what, least, most = "a number, not negative and finite", 0.0, math.inf
-            if field.name == "more_loads":
-                values = value if isinstance(value, tuple | list) else (None,)
-                what, least, most = "a tuple of fractions of the load, below 1", math.ulp(0.0), 1.0
-            elif kind is Integral:
-                what = "a whole number, not negative"
-            elif field.name in ("growth", "largest_step", "shortest_step"):
-                what, least = "a number greater than 0 and finite", math.ulp(0.0)
-            if not all(isinstance(v, kind) and least <= float(v) < most for v in values):
-                faults.append(f"numerics.{field.name}: must be {what}, got {value!r}")
+        for name, value in vars(self).items():
+            what, holds = _RULES[type(getattr(Numerics, name))]
+            if not holds(value):
+                faults.append(f"numerics.{name}: must be {what}, got {value!r}")
         if faults:
             raise InvalidProblem(*faults)
 
