@@ -56,15 +56,12 @@ class Refinement:
         self.plan, self.folder, self.comm, self.observer = plan, folder, comm, observer
         self.fields, self.keep, self.inspect, self.meshed = fields or FieldChoice(), keep, inspect, meshed
         self.began = time.monotonic()
-        parts: tuple[object, ...] = (
-            FORMAT, plan.problem, plan.model, plan.goals, plan.accuracy, plan.budget, plan.numerics
+        now = time.time_ns() if plan.has_own_functions else None  # functions cannot be compared: never resumed
+        parts = (
+            FORMAT, plan.problem, plan.model, plan.goals, plan.accuracy, plan.budget, plan.numerics,
+            *(each for each in (plan.given, now) if each is not None),
         )  # fmt: skip
-        if plan.given is not None:
-            parts = (*parts, plan.given)
-        if plan.has_own_functions:  # functions cannot be compared: never resumed
-            parts = (*parts, time.time_ns())
         self.key = hashlib.sha256(repr(parts).encode()).hexdigest()
-        self.records: list[Record]
         self.records, damage = on_root(comm, self._saved)
         self.damage = [note for note in damage if note]
         self.truths: dict[float, LinearTruth | str] = {}

@@ -105,13 +105,13 @@ class LoadPath:
         """
         for goal in fractions:
             cuts, predicted = 0, predictor(goal)
-            known, again = 0.0, list[StepRecord]()
+            known, spent = 0.0, (0, 0)
             step = goal - self.last.fraction
             while not self.history or abs(self.last.fraction - goal) > BACK * abs(goal):
                 reached = self.last.fraction
                 fraction = goal if abs(goal - reached) <= abs(step) * (1.0 + BACK) else reached + step
                 self._observe(fraction, cuts)
-                record = StepRecord(fraction, cuts=cuts)
+                record = StepRecord(fraction, *spent, cuts=cuts)
                 try:
                     self._solve(fraction, predicted or self._extrapolated(fraction, cuts), record)
                 except NotConverged as error:
@@ -142,11 +142,9 @@ class LoadPath:
                 self.history = [*self.history[-1:], present]
                 predicted, step = None, GROWTH * step
                 if fraction != goal and abs(fraction) <= known:
-                    again.append(record)
+                    spent = record.newton_iterations, record.tangents
                     continue
-                record.newton_iterations += sum(earlier.newton_iterations for earlier in again)
-                record.tangents += sum(earlier.tangents for earlier in again)
-                again = []
+                spent = 0, 0
                 yield record
 
     def distorted(self) -> Distortion:
