@@ -6,6 +6,7 @@ an effect of finite strain. UFL evaluates psi at a few values of F; nothing is c
 
 import logging
 import math
+from itertools import pairwise, takewhile
 from typing import Any
 
 import numpy as np
@@ -56,19 +57,13 @@ def _or_nan(psi: Any, F: np.ndarray) -> float:
 
 def softening(problem: Problem) -> list[str]:
     """Return a sentence where a user's energy falls as a simple shear grows, if it does: it is unstable there."""
-    psi, last = _of_user(problem), -np.inf
+    psi = _of_user(problem)
     if psi is None:
         return []
-    for shear in SHEARS:
-        F = np.eye(3)
-        F[0, 2] = shear
-        value = _or_nan(psi, F)
-        if math.isnan(value):
-            break
-        if value < last:
-            return [f"psi(F) decreases in simple shear from about {shear:.2g} on: the law is unstable there"]
-        last = value
-    return []
+    every = (_or_nan(psi, np.eye(3) + shear * np.eye(3, k=2)) for shear in SHEARS)
+    steps = pairwise(takewhile(lambda value: not math.isnan(value), every))
+    fallen = [shear for shear, (before, value) in zip(SHEARS[1:], steps, strict=False) if value < before]
+    return [f"psi(F) decreases in simple shear from about {s:.2g} on: the law is unstable there" for s in fallen[:1]]
 
 
 def check_own_energy(problem: Problem) -> None:
@@ -77,18 +72,13 @@ def check_own_energy(problem: Problem) -> None:
     if psi is None:
         return
 
-    def energy(*entries: tuple[int, int], step: float = STEP) -> np.ndarray:
-        """Return the energies at F = I + e with entries -step, 0 and step of e."""
-        values = []
-        for e in (-step, 0.0, step):
-            F = np.eye(3)
-            for place in entries:
-                F[place] += e
-            values.append(_value(psi, F))
-        return np.array(values)
+    def energies(strain: np.ndarray, step: float = STEP) -> np.ndarray:
+        """Return the energies at F = I + e with e = -step, 0 and step times a strain (3, 3)."""
+        return np.array([_value(psi, np.eye(3) + e * strain) for e in (-step, 0.0, step)])
 
+    stretch = np.diag([1.0, 0.0, 0.0])
     try:
-        along, sheared = energy((0, 0)), energy((0, 1), (1, 0))
+        along, sheared = energies(stretch), energies(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]))
     except Exception as error:  # whatever a user's function raises
         raise InvalidProblem(
             "finite_strain.law: psi(F) must be an expression of ufl with one finite value for every F near I (no "
@@ -102,7 +92,7 @@ def check_own_energy(problem: Problem) -> None:
     if np.ptp([along, sheared]) == 0.0:
         raise InvalidProblem(f"finite_strain.law: psi(F) must grow with the strain, got {along[1]:g} Pa near F = I")
     stress = (along[2] - along[0]) / (2.0 * STEP)
-    bends = [(v[2] - 2.0 * v[1] + v[0]) / STEP**2 for v in (along, sheared)]
+    bends = [float(np.diff(values, 2)[0]) / STEP**2 for values in (along, sheared)]
     shear, lame = bends[1] / 4.0, bends[0] - bends[1] / 2.0
     wanted = layer.lame_first + 2.0 * layer.shear_modulus
     if abs(stress) > ALIKE * max(wanted, abs(bends[0])):
@@ -110,8 +100,7 @@ def check_own_energy(problem: Problem) -> None:
             f"finite_strain.law: psi(F) must have no stress at F = I, got {stress:.4g} Pa; subtract a term with the "
             "same stress there, as mu ln J in mu/2 (I1 - 3) - mu ln J"
         )
-    near = energy((0, 0), step=NEARER * STEP)
-    bend = (near[2] - 2.0 * near[1] + near[0]) / (NEARER * STEP) ** 2
+    bend = float(np.diff(energies(stretch, NEARER * STEP), 2)[0]) / (NEARER * STEP) ** 2
     if abs(bend - bends[0]) > KINKED * abs(bends[0]):
         raise InvalidProblem(
             f"finite_strain.law: psi(F) must have second derivatives at F = I, got {bends[0]:.5g} Pa over strains of "
