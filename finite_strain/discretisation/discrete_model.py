@@ -35,6 +35,7 @@ class Model:
     def __init__(self, problem: Problem, reduction: Reduction, meshed: Meshed, order: int, contact_degree: int) -> None:
         self.mesh, self.cell_tags, self.facet_tags = meshed
         self.comm = self.mesh.comm
+        self.inside = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
         self.reduction, self.order = reduction, order
         self.is_finite = problem.finite_strain is not None
         self.space = compat.function_space(self.mesh, order, (3,))
@@ -89,8 +90,7 @@ class Model:
 
     def volume_integral(self, density: Any) -> Any:
         """Return the sum over regions of the integral of ``density``, a function of energy psi and gradient."""
-        accuracy = {"quadrature_degree": 2 * self.order}
-        measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags, metadata=accuracy)
+        measure = self.inside(metadata={"quadrature_degree": 2 * self.order})
         gradient = ufl.variable(ufl.grad(self.displacement))
         parts = [(bulk, density(self.energy_density(bulk, gradient), gradient)) for bulk in self.bulks]
         if all((bulk.kinematics, bulk.pressure) == (self.bulks[0].kinematics, None) for bulk in self.bulks):
@@ -98,8 +98,7 @@ class Model:
         return sum(value * measure(bulk.tag) for bulk, value in parts)
 
     def _compile(self) -> None:
-        measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
-        bulk = self.volume_integral(lambda psi, _: psi) + regions.nothing_where_idle(self.bulks, self.mesh, measure)
+        bulk = self.volume_integral(lambda psi, _: psi) + regions.nothing_where_idle(self.bulks, self.inside)
         fields = self.fields.functions
         self._direction = self.fields.like()
         potential = bulk + self.contact.energy
@@ -204,8 +203,7 @@ class Model:
         for bulk in self.bulks:
             if bulk.pressure is not None:
                 test = ufl.TestFunction(bulk.pressure.function_space)
-                measure = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)
-                forms.append(compat.compile_form(test * measure(bulk.tag), self.comm))
+                forms.append(compat.compile_form(test * self.inside(bulk.tag), self.comm))
                 unit = bulk.solid.shear_modulus / self.length
                 factors.append(min(bulk.solid.lame_first, bound * bulk.solid.shear_modulus) / unit**2)
         volumes = self._by_pressure(forms)

@@ -101,12 +101,11 @@ def pressures(bulks: list[Bulk], length: float) -> dict[str, Any]:
     return found
 
 
-def nothing_where_idle(bulks: list[Bulk], mesh: Any, measure: Any) -> Any:
+def nothing_where_idle(bulks: list[Bulk], measure: Any) -> Any:
     """Return a zero form that gives idle pressure unknowns outside their region an entry in the matrix."""
-    terms = (
-        constant(mesh, 0.0) * bulk.pressure**2 * measure(other.tag, metadata={"quadrature_degree": 0})
+    return sum(
+        constant(bulk.pressure.function_space.mesh, 0.0) * bulk.pressure**2 * measure(other.tag, degree=0)
         for bulk in bulks
         for other in bulks
         if bulk.pressure is not None and bulk is not other
     )
-    return sum(terms, 0)

@@ -136,13 +136,12 @@ class LinearSolver:
     def _mass_over_stiffness(self) -> PETSc.Mat:
         """Return -(1/mu + 1/lambda) times the pressures' mass matrix, in their own unknowns; identity where idle."""
         model = self.model
-        measure = ufl.Measure("dx", domain=model.mesh, subdomain_data=model.cell_tags)
-        energy = nothing_where_idle(model.bulks, model.mesh, measure)
+        energy = nothing_where_idle(model.bulks, model.inside)
         for bulk in model.bulks:
             shear, volumetric = model.constants[bulk.tag]
             if isinstance(volumetric, Mixed):
                 density = -(1 / shear + volumetric.compliance) / 2 * volumetric.pressure**2
-                energy += density * measure(bulk.tag, metadata={"quadrature_degree": 2 * model.order - 2})
+                energy += density * model.inside(bulk.tag, metadata={"quadrature_degree": 2 * model.order - 2})
         forms: list[list[Any]] = []
         pressures = model.fields.pressures
         for number, pressure in enumerate(pressures):
