@@ -122,17 +122,14 @@ class Contact:
         slots = []
         for kind in dict.fromkeys(ball.shape for ball in self.balls):
             numbers = np.array([n for n, ball in enumerate(self.balls) if ball.shape == kind])
-            centres = np.array([self.balls[n].position for n in numbers])
-            radii = np.array([self.balls[n].radius for n in numbers])
-            away = corners[:, None, :, :2] - centres[None, :, None]
-            distances = np.linalg.norm(away, axis=-1)
-            if isinstance(kind, str):
-                heights = distances.mean(axis=2) ** 2 / (2.0 * radii)
-            else:  # a long body is low far from its axis
-                x, y, _ = _turned((away[..., 0], away[..., 1], 0.0), self.angle)
-                with np.errstate(all="ignore"):  # of a body that has no height there
-                    heights = np.fmin(kind.height(x, y), _NONE).mean(axis=2)
-            heights[distances.min(axis=2) > REACH * np.array([self.balls[n].reach for n in numbers])] = np.inf
+            alike = [self.balls[n] for n in numbers]
+            away = corners[:, None, :, :2] - np.array([ball.position for ball in alike])[None, :, None]
+            x, y, _ = _turned((away[..., 0], away[..., 1], 0.0), self.angle)
+            indenter, unit = _body(kind, np.array([ball.radius for ball in alike])[:, None])
+            with np.errstate(all="ignore"):  # of a body that has no height there
+                heights = np.mean(unit * np.fmin(indenter.height(x / unit, y / unit), _NONE), axis=2)
+            reach = np.array([ball.reach for ball in alike])
+            heights[np.linalg.norm(away, axis=-1).min(axis=2) > REACH * reach] = np.inf
             order = np.argsort(heights, axis=1)
             for rank in range(min(CANDIDATES, len(numbers))):
                 chosen = order[:, rank]
@@ -182,11 +179,6 @@ class Contact:
     def close_gaps(self, share: float) -> None:
         """Change the equilibrium condition so that a share of the source state's penetration vanishes."""
         self.augmented.value += share
-
-    @property
-    def is_augmented(self) -> bool:
-        """Whether there are multipliers."""
-        return bool(self.augmented.value)
 
     def stiffen(self, factor: float) -> None:
         """Multiply the penalties by a factor; the multipliers stay as they are."""
@@ -271,7 +263,7 @@ def gap(
     the undeformed point minus the vertical displacement: pressure acts vertically, and an in-plane force arises only
     through the profile's slope (the paper's eq. 13).
     """
-    indenter, unit = (NAMED_SHAPES[shape](1.0), radius) if isinstance(shape, str) else (shape, 1.0)
+    indenter, unit = _body(shape, radius)
     if angle and not isinstance(shape, str):
         offset, displacement = (_turned(vector, angle) for vector in (offset, displacement))
     if finite:
@@ -279,6 +271,11 @@ def gap(
         return unit * indenter.gap(Symbolic(x), Symbolic(y), Symbolic(z + approach / unit)).expression
     x, y = (Symbolic(offset[i] / unit) for i in range(2))
     return unit * indenter.height(x, y).expression - approach - displacement[2]
+
+
+def _body(shape: str | Indenter, radius: Any) -> tuple[Indenter, Any]:
+    """Return a ball's body and its unit of length [m]."""
+    return (NAMED_SHAPES[shape](1.0), radius) if isinstance(shape, str) else (shape, 1.0)
 
 
 def _turned(vector: Any, angle: float) -> tuple[Any, Any, Any]:

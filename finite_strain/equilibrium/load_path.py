@@ -280,7 +280,7 @@ class LoadPath:
         scale = max(alone(self.problem, ball, approach=a).normal_force for ball, a in pressed)
         done = self.solver.solve(residual or self.residual, scale, record.fraction, keeps)
         record.newton_iterations += done.iterations
-        record.augmentation_iterations += done.iterations * self.model.contact.is_augmented
+        record.augmentation_iterations += done.iterations * bool(self.model.contact.augmented.value)
         record.tangents += done.tangents
         record.residual = done.residual
         # the residual alone does not detect elements that are turned inside out
