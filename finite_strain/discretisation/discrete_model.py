@@ -5,7 +5,6 @@ are residual and tangent. A nearly incompressible region adds a pressure of orde
 which the potential is stationary, too. Loading is not part of this module.
 """
 
-from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -74,9 +73,12 @@ class Model:
         self.constrained = np.zeros((index_map.size_local + index_map.num_ghosts, 3), dtype=bool)
         for bc in bcs:
             self.constrained.reshape(-1)[compat.constrained_dofs(bc)] = True
+        self._held = [self.constrained.reshape(-1)]
+        """Whether each dof of each field, ghosts included, is held."""
         for bulk in self.bulks:
             if bulk.pressure is not None:
                 bcs.append(dolfinx.fem.dirichletbc(zero, bulk.idle, bulk.pressure.function_space))
+                self._held.append(np.isin(np.arange(len(bulk.pressure.x.array)), bulk.idle))
         return bcs
 
     @property
@@ -113,14 +115,13 @@ class Model:
         self._by_move = ufl.derivative(surface["normal"], self.displacement, ufl.TestFunction(self.space))
         compiled = iter(compat.compile_forms([*tangents, *residuals, *self.readings.forms], self.comm))
         self._tangent = [[next(compiled) for _ in fields] for _ in fields]
-        self._residual, *self._volume_residuals = [next(compiled) for _ in fields]
+        self._residuals = [next(compiled) for _ in fields]
         self.readings.compiled = list(compiled)
         create = compat.create_block_matrix if self.is_mixed else dolfinx.fem.petsc.create_matrix
         self.matrix = create(self._tangent if self.is_mixed else self._tangent[0][0])
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        self._work = compat.ghosted_vector(self._residual, self.space)
-        spaces = [pressure.function_space for pressure in self.fields.pressures]
-        self._volume_work = [compat.ghosted_vector(*pair) for pair in zip(self._volume_residuals, spaces, strict=True)]
+        spaces = [field.function_space for field in fields]
+        self._work = [compat.ghosted_vector(*pair) for pair in zip(self._residuals, spaces, strict=True)]
 
     @cached_property
     def actions(self) -> list[Any]:
@@ -134,7 +135,7 @@ class Model:
 
     def close(self) -> None:
         """Free the matrices and the work vectors (collective)."""
-        for item in (self.matrix, self._work, *self._volume_work):
+        for item in (self.matrix, *self._work):
             item.destroy()
         compat.free_dropped_objects(self.comm)
 
@@ -179,9 +180,7 @@ class Model:
 
     def residual(self, b: PETSc.Vec) -> None:
         """Assemble the derivative of the total potential [N] into b; zero in constrained rows."""
-        self._store_free(self._summed([self._residual]), b)
-        if self.is_mixed:
-            b.array[self.fields.ranges[1].start : self.fields.ranges[-1].stop] = self.volume_residual()
+        b.array[: self.fields.ranges[-1].stop] = self._free(self._residuals)
 
     def border(self, balls: np.ndarray, b: PETSc.Vec) -> float:
         """Assemble the residual's derivative along a move of the balls (balls,) into b [N/m]; return its stiffness.
@@ -189,13 +188,14 @@ class Model:
         The stiffness is the second derivative of the contact potential along the move [N/m], at fixed displacement.
         """
         self.contact.choose(balls)
-        self._store_free(self._summed([self._border]), b)
+        b.array[:] = 0.0
+        b.array[self.fields.ranges[0]] = self._free([self._border])
         self.contact.choose(balls**2)
         return self.readings("stiffness")
 
     def volume_residual(self) -> np.ndarray:
         """Return the potential's derivative by this rank's own pressures [N]; zero for idle pressures."""
-        return self._by_pressure(self._volume_residuals)
+        return self._free(self._residuals[1:], 1)
 
     def volume_weights(self, bound: float) -> np.ndarray:
         """Return `Merit`'s weights [m/N], this rank's own: lambda, at most ``bound`` mu, over lumped masses."""
@@ -206,23 +206,20 @@ class Model:
                 forms.append(compat.compile_form(test * self.inside(bulk.tag), self.comm))
                 unit = bulk.solid.shear_modulus / self.length
                 factors.append(min(bulk.solid.lame_first, bound * bulk.solid.shear_modulus) / unit**2)
-        volumes = self._by_pressure(forms)
+        volumes = self._free(forms, 1)
         owned = self.fields.owned[1:]
         return np.divide(np.repeat(factors, owned), volumes, out=np.zeros_like(volumes), where=volumes > 0.0)
 
-    def _by_pressure(self, forms: list[Any]) -> np.ndarray:
-        """Return linear forms of the pressures' test functions, summed over ranks, at this rank's own pressures."""
-        parts = []
-        idle_dofs = [bulk.idle for bulk in self.bulks if bulk.idle is not None]
-        for form, work, idle in zip(forms, self._volume_work, idle_dofs, strict=True):
-            values = assembled(work, [form])
-            values[idle[idle < len(values)]] = 0.0
-            parts.append(values)
+    def _free(self, forms: list[Any], first: int = 0) -> np.ndarray:
+        """Return linear forms of the fields from number ``first`` on at this rank's own dofs, zero where held."""
+        parts = [assembled(work, form) for work, form in zip(self._work[first:], forms, strict=False)]
+        for values, held in zip(parts, self._held[first:], strict=False):
+            values[held[: len(values)]] = 0.0
         return np.concatenate(parts)
 
     def base_reaction(self) -> float:
         """Return the normal reaction [N] of the bottom on the simulated part (collective)."""
-        residual = self._summed([self._residual])
+        residual = assembled(self._work[0], self._residuals[0]).reshape(-1, 3)
         held = self._bottom[self._bottom < len(residual)]
         return float(self.comm.allreduce(float(residual[held, 2].sum()), op=MPI.SUM))
 
@@ -239,26 +236,13 @@ class Model:
         """Multiply the second derivative of the total potential with x, zero in constrained rows, into y."""
         self._direction.set(x)
         self._direction.displacement.x.array.reshape(-1, 3)[self.constrained] = 0.0
-        self._store_free(self._summed(self.actions[:1]), y)
-        if self.is_mixed:
-            y.array[self.fields.ranges[1].start : self.fields.ranges[-1].stop] = self._by_pressure(self.actions[1:])
-
-    def _summed(self, forms: list[Any]) -> np.ndarray:
-        """Return the sum of linear forms of the displacement, over ranks, at own nodes (nodes, 3)."""
-        return assembled(self._work, forms).reshape(-1, 3)
-
-    def _store_free(self, values: np.ndarray, b: PETSc.Vec) -> None:
-        """Put forces [N] on this rank's own nodes into b, zero where constrained and in the pressures' rows."""
-        values[self.constrained[: len(values)]] = 0.0
-        b.array[:] = 0.0
-        b.array[self.fields.ranges[0]] = values.ravel()
+        y.array[:] = self._free(self.actions)
 
 
-def assembled(work: PETSc.Vec, forms: list[Callable[..., Any]]) -> np.ndarray:
-    """Return the sum of linear forms, over ranks, at this rank's own entries; ``work`` is a ghosted vector."""
+def assembled(work: PETSc.Vec, form: Any) -> np.ndarray:
+    """Return a linear form, summed over ranks, at this rank's own entries; ``work`` is a ghosted vector."""
     with work.localForm() as local:
         local.set(0.0)
-    for form in forms:
-        dolfinx.fem.petsc.assemble_vector(work, form)
+    dolfinx.fem.petsc.assemble_vector(work, form)
     work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     return np.array(work.array_r)

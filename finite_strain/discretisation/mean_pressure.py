@@ -36,7 +36,7 @@ class MeanPressure:
         parts = []
         for asked in (1.0, 0.0):
             self._asked.value = asked
-            parts.append(assembled(self._work, [self._form]))
+            parts.append(assembled(self._work, self._form))
         moment, weight = parts
         means = self._means.x
         means.array[: len(moment)] = np.divide(moment, weight, out=np.zeros_like(moment), where=weight > 0.0)

@@ -30,7 +30,7 @@ class Bulk:
     solid: Elastic
     kinematics: Kinematics
     pressure: Any = None
-    idle: np.ndarray | None = None
+    idle: Any = None
 
 
 def make_bulks(problem: Problem, mesh: Any, cell_tags: Any, order: int) -> list[Bulk]:
