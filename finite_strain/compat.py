@@ -93,7 +93,6 @@ def _name_spacing(domain: Any) -> None:
 
 @contextmanager
 def _compiler(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
-    """Yield the compiler's options as a keyword argument (collective)."""
     with compiler_options(comm) as options:
         yield {"jit_params" if _OLD else "jit_options": options}
 

@@ -73,7 +73,6 @@ def compiler_options(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
 
 @lru_cache(maxsize=1)
 def _announce() -> None:
-    """Log, once per process, that forms are compiled."""
     logging.getLogger("finite_strain").info(_COMPILING)
 
 

@@ -185,7 +185,6 @@ class OwnMesh:
         return tuple(self.comm.allreduce(float(distance), op=MPI.MIN) for distance in least)
 
     def _check_solid(self, thickness: float) -> None:
-        """Raise `InvalidProblem` if the layer has cavities or sides that are not vertical."""
         cells = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)(TAGS["layer"])
         facets = ufl.Measure("ds", domain=self.mesh, subdomain_data=self.facet_tags)(TAGS["top"])
         forms = compat.compile_forms([constant(self.mesh, 1.0) * measure for measure in (cells, facets)], self.comm)

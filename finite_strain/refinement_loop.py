@@ -114,7 +114,6 @@ class Refinement:
         return self._result(answered, why)
 
     def _reach(self, number: int) -> float:
-        """Return the largest load fraction with results of a discretisation."""
         steps = self.records[number].steps
         return steps[-1].fraction if steps else 0.0
 
@@ -205,7 +204,6 @@ class Refinement:
             self.observer.step_done(answer.to_step(), lambda: TopSurface(run.own.model).gathered())
 
     def _is_last(self, number: int, fraction: float) -> bool:
-        """Return whether a load step is full load on a mesh with results."""
         return number > 0 and fraction == self.plan.goals[-1]
 
     def _steps(self, run: ModelRun, path: list[float], number: int) -> Iterator[StepRecord]:
@@ -285,7 +283,6 @@ class Refinement:
         return [run.predicted_by(Snapshot.load(file)) for file in sound]
 
     def _resume(self, run: MeshRun, record: Record, number: int) -> None:
-        """Restart from the last states that an earlier run of this discretisation saved."""
         for model, each in (("own", run.own), ("small", run.small)):
             if each is None:
                 continue

@@ -108,7 +108,6 @@ class LinearSolver:
             set_levels(preconditioner, self.model, along(self.model.unknowns, self.model.order, self.model.is_mixed))
 
     def _rigid_motions(self) -> PETSc.NullSpace:
-        """Return the six rigid motions of the undeformed nodes."""
         points = np.ascontiguousarray(self.model.fields.points[0][: self.model.fields.owned[0]])
         coordinates = PETSc.Vec().createWithArray(points.ravel(), bsize=3, comm=self.model.comm)
         motions = PETSc.NullSpace().createRigidBody(coordinates)

@@ -159,7 +159,6 @@ class NewtonSolver:
         )
 
     def _set(self, x: PETSc.Vec) -> None:
-        """Set the model to the state in a vector: its fields and its unknown approaches, if any."""
         self.model.fields.set(x)
         if self.system.count:
             self.model.contact.set_approaches(self.control.moves @ self.system.approaches(x))

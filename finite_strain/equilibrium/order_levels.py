@@ -1,12 +1,9 @@
 """Multigrid over the order of the elements, on one mesh (p-multigrid).
 
 Upright hexahedra of order p have two levels: order p, and order 1 along the layer with order p across it, which PETSc
-solves by direct factors (1/p^2 of the unknowns). The mesh is as fine at depth as at the contact's edge, so elements
-are up to 25 times as tall as wide there. Errors that vary only with depth then have little energy; no nodal smoother
-removes them; a level of order 1 in all directions cannot represent them, one of order p across the layer can.
-The mixed form has an intermediate level of order 2 along the layer: without it iterations grow with the mesh.
-
-Other meshes, and systems whose second level would be too large for factors, have levels of orders p, 2 and 1.
+solves by direct factors (1/p^2 of the unknowns). The mixed form has a level of order 2 along the layer in between.
+Other meshes, and systems whose second level would be too large for factors, have levels of orders p, 2 and 1. The
+reasons are in `runs/studies/scaling/README.md`.
 
 The Lagrange spaces are nested, so a correction of a lower level is interpolated exactly, and the coarse operators are
 Galerkin's [Ronquist Patera 1987, doi 10.1007/BF01061297; Brown 2010, doi 10.1007/s10915-010-9396-8].

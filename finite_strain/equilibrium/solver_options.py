@@ -37,10 +37,9 @@ MULTIGRID = {
     "mg_levels_ksp_max_it": "2",
     "mg_levels_pc_type": "sor",
 }
-"""Levels of lower order, see `order_levels.py`, for the displacement's rows.
+"""Levels of lower order, see `order_levels.py`, for the displacement's rows; smoothed by nodal Gauss-Seidel.
 
-Nodal symmetric Gauss-Seidel: elements are elongated where the mesh is graded, and Jacobi's method then needs 2.3 times
-the iterations. Other smoothers and levels: `thirdbody study scaling`.
+Other smoothers and levels: `thirdbody study scaling`.
 """
 LOWEST_BY_FACTORS = {
     "mg_coarse_ksp_type": "preonly",
@@ -61,11 +60,9 @@ PRESSURE = {
 }
 """The mass matrix over the stiffness, scaled by the largest eigenvalue of the Schur complement preconditioned by it.
 
-Deep under a ball the layer without its pressure is nearly unstable and the complement far larger than the mass matrix:
-unscaled, 102 iterations are needed, scaled 17 (14 799 unknowns, D = 0.1 R). Four sweeps invert the mass matrix as well
-as direct factors (also 17 iterations; 31 with Jacobi's method).
-An incompressible layer that is much wider than thick behaves like a lubricating film, which a mass matrix does not
-approximate: there 120 iterations may not suffice, and factors are used instead.
+Deep under a ball the layer without its pressure is nearly unstable and the complement far larger than the mass matrix;
+four sweeps invert this as well as factors (`thirdbody study scaling`). An incompressible layer that is much wider than
+thick is like a lubricating film, which a mass matrix does not approximate: there factors may have to take over.
 """
 DISPLACEMENT = "fieldsplit_displacement_"
 FIELD_SPLIT = {
@@ -76,9 +73,7 @@ FIELD_SPLIT = {
     f"{DISPLACEMENT}ksp_type": "preonly",
     **{f"fieldsplit_pressure_{key}": value for key, value in PRESSURE.items()},
 }
-"""Upper block triangle for the mixed form.
-
-[Elman Silvester Wathen 2014, doi 10.1093/acprof:oso/9780199678792.001.0001]
+"""Upper block triangle for the mixed form [Elman Silvester Wathen 2014, doi 10.1093/acprof:oso/9780199678792.001.0001].
 """
 
 
