@@ -22,10 +22,6 @@ def _numbers(value: Any) -> bool:
     return is_list and all(isinstance(v, Real) for v in value)
 
 
-def _options(value: Any) -> bool:
-    return isinstance(value, Mapping) and all(isinstance(name, str) for name in value)
-
-
 def _inspector(value: Any) -> bool:
     if value is None or not callable(value):
         return value is None
@@ -38,15 +34,14 @@ def _inspector(value: Any) -> bool:
     return True
 
 
-def _observer(value: Any) -> bool:
-    return value is None or set(CALLED) <= set(dir(value))
-
-
 RULES: dict[str, tuple[Any, str]] = {
     "problem": (lambda v: isinstance(v, Problem), "a linear_bem.Problem"),
     "accuracy": (lambda v: isinstance(v, Real), "a number between 0 and 1"),
     "folder": (lambda v: v is None or isinstance(v, str | Path), "the path of a folder"),
-    "observer": (_observer, f"an object with the methods {', '.join(CALLED)} (finite_strain.Observer)"),
+    "observer": (
+        lambda v: v is None or set(CALLED) <= set(dir(v)),
+        f"an object with the methods {', '.join(CALLED)} (finite_strain.Observer)",
+    ),
     "fields": (
         lambda v: v is None or isinstance(v, FieldChoice),
         'a choice such as FieldChoice(("displacement", "gap"))',
@@ -55,7 +50,10 @@ RULES: dict[str, tuple[Any, str]] = {
     "unknowns": (lambda v: v is None or isinstance(v, Real), "a number"),
     "steps": (lambda v: v is None or _numbers(v), "fractions of the load such as (0.5, 1.0)"),
     "numerics": (lambda v: isinstance(v, Numerics), "Numerics such as Numerics(growth=2.0)"),
-    "solver_options": (lambda v: v is None or _options(v), 'PETSc options such as {"pc_type": "lu"}'),
+    "solver_options": (
+        lambda v: v is None or (isinstance(v, Mapping) and all(isinstance(name, str) for name in v)),
+        'PETSc options such as {"pc_type": "lu"}',
+    ),
     "inspect": (_inspector, "a function of two arguments, a step and its functions"),
 }
 """Per argument: the check of its type, and the words for a valid value."""
