@@ -69,11 +69,6 @@ class Fields:
         for function, rows in zip(self.functions, values, strict=True):
             function.x.array[:] = rows.ravel()
 
-    def clear(self) -> None:
-        """Set every function to zero: the undeformed, unloaded state."""
-        for function in self.functions:
-            function.x.array[:] = 0.0
-
 
 def idle_dofs(function: Any, cells: np.ndarray) -> np.ndarray:
     """Return the local dofs of a scalar function that none of the cells (of any rank) touches (collective)."""

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -88,6 +88,7 @@ class LoadPath:
         self.problem, self.solver, self.model, self.control = problem, solver, solver.model, solver.control
         self._observe, self.stiffer, self._shortest, self._longest = observe, stiffer, shortest, longest
         self._top = on_top(self.model.space, self.model.facet_tags)
+        self._undeformed = self.model.fields.like().copy()
         self.history: list[State] = []
         self._borrowed = False
         """Whether states of the path began with those of another discretisation, or of an earlier run."""
@@ -162,7 +163,8 @@ class LoadPath:
     @property
     def last(self) -> State:
         """The last state of the path, initially the undeformed one."""
-        return self.history[-1] if self.history else State(0.0, (), (0.0,) * len(self.model.contact.balls), energy=0.0)
+        nowhere = (0.0,) * len(self.model.contact.balls)
+        return self.history[-1] if self.history else State(0.0, self._undeformed, nowhere, energy=0.0)
 
     def resume(self, history: Sequence[State]) -> None:
         """Resume from the last states of an earlier run."""
@@ -228,17 +230,12 @@ class LoadPath:
         self.model.fields.restore(values)
         self.model.contact.set_approaches(np.array(approaches))
 
-    def _solve(self, fraction: float, start: State | None, record: StepRecord) -> None:
+    def _solve(self, fraction: float, start: State, record: StepRecord) -> None:
         contact = self.model.contact
         contact.forget_multipliers()
-        prescribed = self.control.approaches(fraction)
-        if start is None:
-            self.model.fields.clear()
-            contact.set_approaches(prescribed)
-        else:
-            free = self.control.moves.any(axis=1)
-            self._set(start.values, np.where(free, start.approaches, prescribed))
-        if start is not None and start.source is not None:
+        free = self.control.moves.any(axis=1)
+        self._set(start.values, np.where(free, start.approaches, self.control.approaches(fraction)))
+        if start.source is not None:
             self._multiply(start.source, record)
         else:
             self.ahead = 1.0
@@ -290,11 +287,11 @@ class LoadPath:
         if not np.max(self.model.forces()[:, 2]) > 0.0:
             raise NotConverged("no ball touches the layer in the equilibrium found")
 
-    def _extrapolated(self, fraction: float, cuts: int) -> State | None:
+    def _extrapolated(self, fraction: float, cuts: int) -> State:
         """Return the initial state: extrapolated from the last two; at every second cut-back, the last state."""
+        last = self.last
         if not self.history:
-            return None
-        last = self.history[-1]
+            return replace(last, approaches=tuple(self.control.approaches(fraction)))
         if len(self.history) < 2 or cuts % 2:
             return last
         before = self.history[-2]
@@ -306,13 +303,12 @@ class LoadPath:
 
     def _restore(self) -> None:
         self.model.contact.forget_multipliers()
-        self.model.fields.clear()
+        self._set(self.last.values, self.last.approaches)
         if self.history:
-            self._set(self.last.values, self.last.approaches)
             self._set_penalties()
 
 
 def _penalised(state: State, source: Penalised) -> State:
     """Return the state before its multipliers were added: its penetration holds the contact pressure."""
     values = (source.displacement, *state.values[1:])
-    return State(state.fraction, values, tuple(source.approaches), energy=state.energy)
+    return replace(state, values=values, approaches=tuple(source.approaches), source=None)

@@ -179,6 +179,13 @@ def test_the_force_on_a_deep_ball_is_known_from_its_light_neighbour() -> None:
     assert abs(deep - truth) < abs(own - truth)
 
 
+def test_a_first_step_that_does_not_converge_leaves_the_undeformed_layer(tmp_path: Path) -> None:
+    rig = quadratic_rig(pair(0.2, poisson=0.3), tmp_path, replace(ONE_LOAD, shortest_step=2.0, newton_iterations=0))
+    words = r"last good state is at 0 of the full load: the film under a ball is 1 of the layer's thickness; .* J = 1, "
+    with pytest.raises(NotConverged, match=words):
+        rig.press([1.0])
+
+
 def test_a_step_that_does_not_converge_leaves_the_last_good_state(tmp_path: Path) -> None:
     rig = quadratic_rig(pair(0.08, poisson=0.3), tmp_path)
     rig.press([0.25, 0.5])

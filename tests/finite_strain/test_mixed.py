@@ -171,7 +171,7 @@ def test_a_scene_in_displacement_form_has_no_trace_of_the_mixed_one(kind: str, t
 
 def least_singular_value(model: Model) -> float:
     """Return the discrete inf-sup constant of displacement and pressure, in the norms of shear energy and p^2 / mu."""
-    model.fields.clear()
+    model.fields.restore(model.fields.like().copy())
     model.contact.set_approaches(np.array([-1.0]))
     model.tangent()
     dense = model.matrix.convert("dense").getDenseArray().copy()
