@@ -199,7 +199,7 @@ class Refinement:
             self._save()
             if self.inspect is not None:
                 model = run.own.model
-                functions = {"displacement": model.displacement, **pressures(model.bulks, model.length)}
+                functions = {"displacement": model.displacement, **pressures(model.bulks)}
                 on_all(self.comm, partial(self.inspect, answer.to_step(), functions))
             self.observer.step_done(answer.to_step(), lambda: TopSurface(run.own.model).gathered())
 

@@ -44,15 +44,13 @@ class Model:
         self.weight = dolfinx.fem.Function(self.linear_space)
         self.axis = constant(self.mesh, (0.0, 0.0, 0.0))
         """Weight and direction of the domain integral (`finite_strain.force.domain_integral`)."""
-        self.bulks = regions.make_bulks(problem, self.mesh, self.cell_tags, order - 1)
+        degree, length = 2 * order + contact_degree, min(ball.radius for ball in problem.balls)
+        self.contact = Contact(self.displacement, self.facet_tags, reduction, self.is_finite, degree)
+        self.bulks = regions.make_bulks(
+            problem, self.mesh, self.cell_tags, order - 1, length, self.contact.turning
+        )  # made once: equal parts of a form are compiled once, too
         self.fields = Fields(self.displacement, [bulk.pressure for bulk in self.bulks if bulk.pressure is not None])
         self.stretch = self.bulks[0].kinematics.surface_stretch(ufl.grad(self.displacement))
-        self.length = min(ball.radius for ball in problem.balls)
-        degree = 2 * order + contact_degree
-        self.contact = Contact(self.displacement, self.facet_tags, reduction, self.is_finite, degree)
-        self.constants = regions.elastic_constants(
-            self.bulks, self.mesh, self.cell_tags, self.length, self.contact.turning
-        )  # made once: equal parts of a form are compiled once, too
         self.bcs = self._make_constraints()
         self._compile()
 
@@ -88,7 +86,7 @@ class Model:
 
     def energy_density(self, bulk: Bulk, gradient: Any) -> Any:
         """Return the strain energy of a region [J/m^3] in its displacement gradient, an expression."""
-        return bulk.kinematics.energy_density(gradient, *self.constants[bulk.tag], ufl.grad(self._still))
+        return bulk.kinematics.energy_density(gradient, bulk.shear, bulk.volumetric, ufl.grad(self._still))
 
     def volume_integral(self, density: Any) -> Any:
         """Return the sum over regions of the integral of ``density``, a function of energy psi and gradient."""
@@ -204,8 +202,7 @@ class Model:
             if bulk.pressure is not None:
                 test = ufl.TestFunction(bulk.pressure.function_space)
                 forms.append(compat.compile_form(test * self.inside(bulk.tag), self.comm))
-                unit = bulk.solid.shear_modulus / self.length
-                factors.append(min(bulk.solid.lame_first, bound * bulk.solid.shear_modulus) / unit**2)
+                factors.append(min(bulk.solid.lame_first, bound * bulk.solid.shear_modulus) / bulk.unit**2)
         volumes = self._free(forms, 1)
         owned = self.fields.owned[1:]
         return np.divide(np.repeat(factors, owned), volumes, out=np.zeros_like(volumes), where=volumes > 0.0)

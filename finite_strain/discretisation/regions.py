@@ -21,32 +21,49 @@ from meshes.box import TAGS
 
 @dataclass(frozen=True)
 class Bulk:
-    """A region of the mesh, its elastic constants and law, and in mixed form its pressure unknown [m].
+    """A region of the mesh, its elastic constants and law, mu and the volumetric energy in forms.
 
-    ``idle`` are the pressure's local dofs that no cell of the region touches; they are held at zero.
+    In mixed form it has a ``pressure`` unknown [m], to be multiplied by ``unit`` [Pa/m]; ``idle`` are its local dofs
+    that no cell of the region touches; they are held at zero.
     """
 
     tag: int
     solid: Elastic
     kinematics: Kinematics
+    shear: Any
+    volumetric: Volumetric
     pressure: Any = None
+    unit: float = 0.0
     idle: Any = None
 
 
-def make_bulks(problem: Problem, mesh: Any, cell_tags: Any, order: int) -> list[Bulk]:
+def make_bulks(problem: Problem, mesh: Any, cell_tags: Any, order: int, length: float, stiffened: Any) -> list[Bulk]:
     """Return the regions; in mixed form each has its own pressure of this ``order``, which jumps between regions.
 
-    At finite strain the layer has the scene's law, and a substrate, which hardly strains, is neo-Hookean.
+    At finite strain the layer has the scene's law, and a substrate, which hardly strains, is neo-Hookean. Lame's
+    constants are constant in each cell. ``length`` [m] scales the pressure unknown; ``stiffened`` is 1 where the mixed
+    form needs its stiffness against changes of volume, else 0.
     """
+    space = compat.function_space(mesh, 0, discontinuous=True)
+    shear, lame = dolfinx.fem.Function(space, name="mu"), dolfinx.fem.Function(space, name="lambda")
     bulks, effect = [], problem.finite_strain
     for name, form in describe_forms(problem).items():
-        pressure = idle = None
-        if form == "mixed":  # on a separate space, to which its constraints belong
-            pressure = dolfinx.fem.Function(compat.function_space(mesh, order), name=f"{name}_pressure")
-            idle = idle_dofs(pressure, cell_tags.find(TAGS[name]))
+        tag, solid = TAGS[name], getattr(problem, name)
+        mu, cells = solid.shear_modulus, cell_tags.find(tag)
+        shear.x.array[cells] = mu
         own = Finite() if effect is None or name == "substrate" else Finite(with_constants(effect.chosen, mesh))
         kinematics = Small() if effect is None else own
-        bulks.append(Bulk(TAGS[name], getattr(problem, name), kinematics, pressure, idle))
+        if form == "displacement":
+            lame.x.array[cells] = solid.lame_first
+            bulks.append(Bulk(tag, solid, kinematics, shear, Compressible(lame)))
+            continue
+        # on a separate space, to which its constraints belong
+        pressure, unit = dolfinx.fem.Function(compat.function_space(mesh, order), name=f"{name}_pressure"), mu / length
+        compliance, stiffness = 1.0 / solid.lame_first, volume_stiffness(mu, solid.lame_first)
+        volumetric = Mixed(
+            constant(mesh, unit) * pressure, constant(mesh, compliance), stiffened * constant(mesh, stiffness)
+        )
+        bulks.append(Bulk(tag, solid, kinematics, shear, volumetric, pressure, unit, idle_dofs(pressure, cells)))
     return bulks
 
 
@@ -66,38 +83,13 @@ def constant(mesh: Any, value: float | tuple[float, ...]) -> Any:
     return dolfinx.fem.Constant(mesh, np.asarray(value, dtype=PETSc.ScalarType))
 
 
-def elastic_constants(
-    bulks: Sequence[Bulk], mesh: Any, cell_tags: Any, length: float, stiffened: Any
-) -> dict[int, tuple[Any, Volumetric]]:
-    """Return mu and the volumetric energy of each region by its tag; ``length`` [m] scales the pressure unknown.
-
-    Lame's constants are constant in each cell. ``stiffened`` is 1 where the mixed form needs its stiffness against
-    changes of volume, else 0.
-    """
-    space = compat.function_space(mesh, 0, discontinuous=True)
-    shear, lame = dolfinx.fem.Function(space, name="mu"), dolfinx.fem.Function(space, name="lambda")
-    found: dict[int, tuple[Any, Volumetric]] = {}
-    for bulk in bulks:
-        solid, cells = bulk.solid, cell_tags.find(bulk.tag)
-        shear.x.array[cells] = solid.shear_modulus
-        if bulk.pressure is None:
-            lame.x.array[cells] = solid.lame_first
-            found[bulk.tag] = shear, Compressible(lame)
-            continue
-        unit = constant(mesh, solid.shear_modulus / length)
-        compliance, stiffness = 1.0 / solid.lame_first, volume_stiffness(solid.shear_modulus, solid.lame_first)
-        mixed = Mixed(unit * bulk.pressure, constant(mesh, compliance), stiffened * constant(mesh, stiffness))
-        found[bulk.tag] = shear, mixed
-    return found
-
-
-def pressures(bulks: list[Bulk], length: float) -> dict[str, Any]:
-    """Return the pressures [Pa] of mixed regions as new functions, by name; ``length``: see `elastic_constants`."""
+def pressures(bulks: list[Bulk]) -> dict[str, Any]:
+    """Return the pressures [Pa] of mixed regions as new functions, by name."""
     found = {}
     for bulk in bulks:
         if bulk.pressure is not None:
             found[bulk.pressure.name] = pressure = bulk.pressure.copy()
-            pressure.x.array[:] *= bulk.solid.shear_modulus / length
+            pressure.x.array[:] *= bulk.unit
     return found
 
 

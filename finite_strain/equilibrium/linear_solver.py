@@ -137,9 +137,8 @@ class LinearSolver:
         model = self.model
         energy = nothing_where_idle(model.bulks, model.inside)
         for bulk in model.bulks:
-            shear, volumetric = model.constants[bulk.tag]
-            if isinstance(volumetric, Mixed):
-                density = -(1 / shear + volumetric.compliance) / 2 * volumetric.pressure**2
+            if isinstance(bulk.volumetric, Mixed):
+                density = -(1 / bulk.shear + bulk.volumetric.compliance) / 2 * bulk.volumetric.pressure**2
                 energy += density * model.inside(bulk.tag, metadata={"quadrature_degree": 2 * model.order - 2})
         forms: list[list[Any]] = []
         pressures = model.fields.pressures
