@@ -17,15 +17,8 @@ FUNCTIONS = {
     np.absolute: abs,
     np.maximum: ufl.max_value,
     np.minimum: ufl.min_value,
-    np.sqrt: ufl.sqrt,
-    np.exp: ufl.exp,
     np.log: ufl.ln,
-    np.sin: ufl.sin,
-    np.cos: ufl.cos,
-    np.tan: ufl.tan,
-    np.sinh: ufl.sinh,
-    np.cosh: ufl.cosh,
-    np.tanh: ufl.tanh,
+    **{getattr(np, name): getattr(ufl, name) for name in ("sqrt", "exp", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
 }
 """The form language's counterparts of the functions in `linear_bem.dual.SLOPES`."""
 
