@@ -11,6 +11,8 @@ import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
+from importlib import machinery
+from importlib.util import spec_from_file_location
 from pathlib import Path
 from typing import Any
 
@@ -63,12 +65,28 @@ def compiler_options(comm: MPI.Comm) -> Iterator[dict[str, Any]]:
             raise OutputUnusable(failure)
         flags = _FLAGS + (_WIDE_FLAGS if comm.allreduce(_has_wide_registers(), op=MPI.LAND) else [])
         options = {"timeout": COMPILER_SECONDS, "cache_dir": str(cache), "cffi_extra_compile_args": flags}
+        stack.callback(vars(machinery).update, FileFinder=machinery.FileFinder)
+        vars(machinery).update(FileFinder=FileFinder)
         # forms in the cache take no time
         slow = threading.Timer(_NOTED_AFTER, _announce)
         if comm.rank == 0:
             slow.start()
             stack.callback(slow.cancel)
         yield options
+
+
+class FileFinder(machinery.FileFinder):
+    """Finds a compiled form by its name: the compiler makes a finder for each form, which would list the folder.
+
+    Other modules are found as usual. Python registers finders by the names of their classes: it stays ``FileFinder``.
+    """
+
+    def find_spec(self, fullname: str, target: Any = None) -> machinery.ModuleSpec | None:
+        """Return the module of this name, None if there is none."""
+        if not fullname.startswith("libffcx_"):
+            return super().find_spec(fullname, target)
+        files = (Path(self.path, fullname + suffix) for suffix in machinery.EXTENSION_SUFFIXES)
+        return next((spec_from_file_location(fullname, file) for file in files if file.is_file()), None)
 
 
 @lru_cache(maxsize=1)
