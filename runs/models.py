@@ -65,21 +65,21 @@ USUAL = 0.02
 COMMAND_SECONDS, LINEAR_SECONDS, COMMAND_BYTES = 1.7, 1.1, 7e7
 """Overhead of a command (imports, figures, files), measured on small scenes: processor time [s] with finite elements,
 with the linear model; memory [bytes]."""
-HALF_SPACE, FINITE = frozenset({"substrate"}), frozenset({"finite_strain"})
 
 
 @dataclass(frozen=True)
 class Model:
-    """A model, the effects that it supports and, of finite elements, the plan of a run.
+    """A model: the effects that it supports, that select it, and that it may leave out if the user names the model.
 
-    Arguments of ``plan``: problem, accuracy, budget, load fractions. A model named by the user may leave out finite
-    strain, which it replaces by a simpler law.
+    ``plan``: of finite elements, the plan of a run, from problem, accuracy, budget and load fractions.
     """
 
     name: str
     summary: str
     effects: frozenset[str]
     solve: Callable[[Problem, Run], Result]
+    called_for_by: frozenset[str] = frozenset()
+    leaves_out: frozenset[str] = frozenset()
     plan: Callable[[Problem, float | None, Mapping[str, float], Sequence[float] | None], dict[str, Any]] | None = None
 
     @property
@@ -177,30 +177,38 @@ def _slower(plan: Mapping[str, Any], factor: float) -> dict[str, Any]:
     return {key: longer(key, value) for key, value in plan.items()}
 
 
-def _of_elements(name: str, summary: str, effects: frozenset[str]) -> Model:
-    return Model(name, summary, effects, partial(_elements, name), partial(_elements_plan, name))
-
-
+_HALF_SPACE, _FINITE = frozenset({"substrate"}), frozenset({"finite_strain"})
 MODELS = {
     model.name: model
     for model in (
         Model(
-            "linear_bem", "small strain, boundary elements", HALF_SPACE | {"periodic"}, partial(_stepwise, _linear_bem)
+            "linear_bem", "small strain, boundary elements", _HALF_SPACE | {"periodic"},
+            partial(_stepwise, _linear_bem), leaves_out=_FINITE,
         ),
-        _of_elements("finite_strain", "hyperelastic finite elements", HALF_SPACE | FINITE),
-        _of_elements("small_strain", "small strain, the same finite elements", HALF_SPACE),
-        Model("point_load", "small strain, balls as point loads", HALF_SPACE, partial(_stepwise, _point_load)),
+        Model(
+            "finite_strain", "hyperelastic finite elements", _HALF_SPACE | _FINITE, partial(_elements, "finite_strain"),
+            called_for_by=_FINITE, plan=partial(_elements_plan, "finite_strain"),
+        ),
+        Model(
+            "small_strain", "small strain, the same finite elements", _HALF_SPACE, partial(_elements, "small_strain"),
+            leaves_out=_FINITE, plan=partial(_elements_plan, "small_strain"),
+        ),
+        Model(
+            "point_load", "small strain, balls as point loads", _HALF_SPACE, partial(_stepwise, _point_load),
+            leaves_out=_FINITE,
+        ),
     )
-}
-"""The default for a scene is the first model here that supports its effects."""
+}  # fmt: skip
+"""The default for a scene is the first model here that supports its effects and is selected by them."""
 
 
 def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tuple[str, ...]]:
     """Return the model for ``scene``, the problem as that model sees it, and notes for the reader.
 
-    Without ``asked``, the first model that supports every effect of the scene. A model named by the user may ignore
-    an effect that it replaces by a simpler law; a note says so. Raises `UnsupportedProblem` for an effect that this
-    model, or every model, lacks. Models do not move the balls: ``evolve`` passes them the scene from `standing`.
+    Without ``asked``, the first model that supports every effect of the scene and is selected by them. A model named by
+    the user may ignore an effect that it replaces by a simpler law; a note says so. Raises `UnsupportedProblem` for an
+    effect that this model, or every model, lacks. Models do not move the balls: ``evolve`` passes them the scene from
+    `standing`.
     """
     wanted = frozenset(scene.effects)
     moving = frozenset(name for name in wanted if EFFECTS[name].of_drift)
@@ -209,22 +217,22 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
             f"{scene.path}: {_names(moving)}: solve and compare do not move the balls; "
             f"use `thirdbody evolve {scene.path}`, or remove the table{'s' if len(moving) > 1 else ''}"
         )
-    having = [model for model in MODELS.values() if wanted <= model.effects]
-    if not having:
-        raise UnsupportedProblem(f"{scene.path}: {_names(wanted)}: no model supports these effects; remove a table")
+    having = [model for model in MODELS.values() if model.called_for_by <= wanted <= model.effects]
+    if not (asked or having):
+        nowhere = wanted.difference(*(model.effects for model in MODELS.values())) or wanted
+        raise UnsupportedProblem(f"{scene.path}: {_names(nowhere)}: no model supports this; remove a table")
     model = MODELS[asked] if asked else having[0]
-    if lacking := wanted - model.effects - FINITE:
-        raise UnsupportedProblem(
-            f"{scene.path}: {_names(lacking)}: model {asked} lacks it; remove the table or use --model {having[0].name}"
-        )
-    if missing := model.effects & FINITE - wanted:
+    if lacking := wanted - model.effects - model.leaves_out:
+        other = f" or use --model {having[0].name}" if having else ""
+        raise UnsupportedProblem(f"{scene.path}: {_names(lacking)}: model {asked} lacks it; remove the table{other}")
+    if missing := model.called_for_by - wanted:
         raise UnsupportedProblem(
             f"{scene.path}: model {asked} needs {_names(missing)}, which the scene does not have; add the table"
         )
-    if wanted <= model.effects:
-        return model, scene.problem, scene.doubts
-    note = f"[finite_strain] left out by --model {asked}: {EFFECTS['finite_strain'].without}"
-    return model, at_small_strain(scene.problem), (*scene.doubts, note)
+    dropped: dict[str, Any] = dict.fromkeys(sorted(wanted & model.leaves_out))
+    problem = dataclasses.replace(scene.problem, **dropped) if dropped else scene.problem
+    notes = (f"[{effect}] left out by --model {asked}: {EFFECTS[effect].without}" for effect in dropped)
+    return model, problem, (*scene.doubts, *notes)
 
 
 def planned_runs(

@@ -21,7 +21,7 @@ from runs.display import tables
 from runs.display.numbers import Scale, attraction, bodies, leading_ball, line_of, number
 from runs.display.plan_words import domain, memory_words, name, word
 from runs.look_ahead import ABOUT, CLOSE, FEW, ROUGH, ahead_of, closest, measured, memory, out_of_cell, unknowns_of
-from runs.models import FINITE, LINEAR_SECONDS, MODELS, USUAL, Model, as_command, choose, load_path, standing
+from runs.models import LINEAR_SECONDS, MODELS, USUAL, Model, as_command, choose, load_path, standing
 from runs.process import ranks
 from runs.process.json_values import as_given, plain, to_json
 from runs.scene import messages
@@ -75,7 +75,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool 
     if problem.finite_strain is not None:  # of the limits of small strain only those on impossible depths
         warnings = [text for text in warnings if MEANINGLESS in text]
     doubts = [f"{law.name}: {text}" for text in law.doubts(problem.layer.poisson)]
-    simulated = {*scene.effects} - (FINITE - model.effects)
+    simulated = {*scene.effects} - model.leaves_out
     document = {
         "scene": as_given(scene.data),
         "title": scene.title,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import signal
 import sys
@@ -75,8 +76,32 @@ def test_a_model_asked_for_by_name_says_what_it_leaves_out(tmp_path: Path) -> No
 
 def test_an_effect_that_no_model_supports_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(MODELS, "finite_strain")
-    with pytest.raises(UnsupportedProblem, match=r"\[finite_strain\] .*no model supports these effects"):
+    with pytest.raises(UnsupportedProblem, match=r": \[finite_strain\] [^\[]*no model supports this; remove a table"):
         choose(read_scene(SCENES / "paper_thin_pair.toml"))
+
+
+def test_what_a_model_declares_of_an_effect_is_all_that_chooses_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def declare(name: str, **changes: frozenset[str]) -> None:
+        monkeypatch.setitem(MODELS, name, dataclasses.replace(MODELS[name], **changes))
+
+    both = frozenset({"substrate", "finite_strain"})
+    scene = read_scene(LINEAR)
+    assert scene.effects == ("substrate",)
+    for name in ("linear_bem", "small_strain"):
+        declare(name, effects=frozenset())
+    assert choose(scene)[0].name == "point_load"  # finite_strain supports the effect, but another one selects it
+    declare("point_load", effects=frozenset(), leaves_out=both)
+    given = read_scene(SCENES / "paper_thin_pair.toml")
+    model, problem, notes = choose(given, "point_load")
+    assert (problem.substrate, problem.finite_strain) == (None, None)
+    assert [note.split("]")[0] for note in notes] == ["[finite_strain", "[substrate"]
+    assert {effect for effect in given.effects if effect in model.leaves_out} == both
+    declare("finite_strain", effects=frozenset({"finite_strain"}))
+    declare("point_load", leaves_out=frozenset())
+    with pytest.raises(UnsupportedProblem, match=r"\[substrate\] [^\[]*no model supports this; remove a table"):
+        choose(scene)
+    with pytest.raises(UnsupportedProblem, match=r"model point_load lacks it; remove the table$"):
+        choose(scene, "point_load")
 
 
 def test_accuracy_of_the_scene_reaches_the_model(tmp_path: Path) -> None:
