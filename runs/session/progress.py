@@ -67,6 +67,7 @@ class Progress:
         self._messages = _Messages(self._print_status)
 
     def __enter__(self) -> Progress:
+        self._before = LOG.level, LOG.propagate
         if self.root:
             LOG.addHandler(self._messages)
             LOG.setLevel(logging.INFO)
@@ -77,6 +78,8 @@ class Progress:
 
     def __exit__(self, *_: object) -> None:
         LOG.removeHandler(self._messages)
+        level, LOG.propagate = self._before
+        LOG.setLevel(level)
         if self._bar is not None:
             self._bar.bar.stop()
 

@@ -240,11 +240,14 @@ def test_lines_of_a_solver_are_printed_and_logged_every_few_seconds(
 def test_compiling_is_announced_once_and_only_while_the_run_lasts(capsys: pytest.CaptureFixture[str]) -> None:
     log = logging.getLogger("finite_strain")
     progress = Progress(Scale(1.0, 1.0), None, root=True, take=lambda _: None)
+    log.setLevel(logging.WARNING)
     with progress:
         log.info("compiling")
         log.info("compiling")
     log.info("compiling")
     assert capsys.readouterr().err == "compiling\n"
+    assert (log.level, log.propagate) == (logging.WARNING, True)  # as the user of this process has set it
+    log.setLevel(logging.NOTSET)
 
 
 def test_the_linear_model_hands_its_lines_on() -> None:
