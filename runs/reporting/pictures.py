@@ -21,7 +21,7 @@ SHOWN = {
     "pareto": "Error of the tangential force against processor time, with the Pareto front.",
 }
 """Descriptions of the pictures of runs and studies by file stem, in the order of the page."""
-KINDS = {".png": "image/png", ".gif": "image/gif"}
+KINDS = {".png": "image/png", ".gif": "image/gif", ".jpg": "image/jpeg"}
 WIDE = 1.5
 """Width over height from which a picture keeps a readable width on a phone and scrolls in a box of its own."""
 

@@ -13,12 +13,13 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from linear_bem.errors import OutputUnusable
 from runs.commands.solve import solve_scene
 from runs.reporting import page_of
 from runs.reporting.folder import Folder, read_folder
-from runs.reporting.pictures import figure, said_of
+from runs.reporting.pictures import figure, pictures_of, said_of
 from runs.scene.scene_file import read_scene
 from runs.session.output_folder import MARK
 from runs.session.session import Options
@@ -215,6 +216,12 @@ def test_two_figures_of_one_page_do_not_share_names(tmp_path: Path) -> None:
     assert "url(#figure2-a)" in second
     assert 'class="picture wide"' in first
     assert "shows &quot;x&quot;" in first
+
+
+def test_a_photograph_beside_a_run_is_a_figure(tmp_path: Path) -> None:
+    Image.new("RGB", (8, 4)).save(tmp_path / "rig.jpg")
+    (photograph,) = pictures_of(tmp_path)
+    assert '<img src="data:image/jpeg;base64,' in figure(photograph, 1)
 
 
 def test_a_rendered_picture_says_what_it_shows() -> None:
