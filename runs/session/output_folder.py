@@ -37,7 +37,7 @@ class OutputFolder:
 
     ``identity`` describes the run (command, model, problem, accuracy). Raises `OutputUnusable` if the folder belongs to
     another run, holds other files, or cannot be written. ``stopped``: an earlier process of this run was killed;
-    ``complete``: the run is.
+    ``complete``: the run is; ``saved``: the document that an earlier process saved, complete or not.
     """
 
     def __init__(self, path: Path, identity: Mapping[str, Any], scene_text: str, *, fresh: bool = False) -> None:
@@ -45,6 +45,7 @@ class OutputFolder:
         self.identity = plain(identity, infinity="inf")
         self._lock: IO[str] | None = None
         self.stopped = self.complete = False
+        self.saved: dict[str, Any] | None = None
         try:
             self._open(scene_text, fresh)
         except OutputUnusable:
@@ -86,10 +87,11 @@ class OutputFolder:
                 "name another --out, or replace that run with --fresh"
             )
         if mark is not None:
+            self.saved = read_json(self.path / "result.json")
             self.stopped = locked and mark.get("state") == RUNNING
             # with another number of cycles, or a damaged result, it goes on
             is_same = mark.get("identity") == self.identity
-            self.complete = is_same and mark.get("state") == FINISHED and self.saved() is not None
+            self.complete = is_same and mark.get("state") == FINISHED and self.saved is not None
         if not self.complete:
             self._write_mark(RUNNING)
         write_text(self.path / "scene.toml", scene_text)
@@ -111,10 +113,6 @@ class OutputFolder:
 
     def _write_mark(self, state: str) -> None:
         write_text(self.path / MARK, to_json({"identity": self.identity, "state": state}))
-
-    def saved(self) -> dict[str, Any] | None:
-        """Return the document that an earlier run saved, complete or not."""
-        return read_json(self.path / "result.json")
 
     def save(self, document: Mapping[str, Any], rows: Iterable[Mapping[str, Any]]) -> None:
         """Write result.json and steps.csv; each file is replaced atomically."""

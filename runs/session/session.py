@@ -70,7 +70,7 @@ class Session:
         self.complete = False
         if self.root:  # before MPI starts: an unusable folder ends the run at once
             self.folder = self._open_folder(version)
-            self.saved, self.complete = self.folder.saved() or {}, self.folder.complete
+            self.saved, self.complete = self.folder.saved or {}, self.folder.complete
             if self.folder.stopped:
                 self.report("this run was stopped before: killed, or its machine failed; it resumes from what is saved")
             if not self.complete:

@@ -28,7 +28,7 @@ def test_a_damaged_mark_is_named_and_replaced_where_asked(tmp_path: Path) -> Non
     with pytest.raises(OutputUnusable, match=r"run\.json: is damaged.*--fresh"):
         OutputFolder(out, {"command": "solve"}, "")
     again = OutputFolder(out, {"command": "solve"}, "", fresh=True)
-    assert again.saved() is None
+    assert again.saved is None
     again.close()
 
 
@@ -41,7 +41,7 @@ def test_a_damaged_result_is_computed_again(tmp_path: Path) -> None:
     (out / "result.json").write_text('{"answer"', encoding="utf-8")
     again = OutputFolder(out, {"command": "solve"}, "")
     assert not again.complete
-    assert again.saved() is None
+    assert again.saved is None
     again.save({"unfinished": 1}, [])
     again.stop(KeyboardInterrupt)
     again.close()

@@ -183,5 +183,5 @@ def test_a_finished_folder_whose_cycles_change_is_unfinished(tmp_path: Path) -> 
     first.close()
     again = OutputFolder(tmp_path, {"reciprocation": {"cycles": 4, "seed": 1}}, "")
     assert not again.complete
-    assert again.saved() == {"answer": 1}
+    assert again.saved == {"answer": 1}
     again.close()
