@@ -13,7 +13,7 @@ import inspect
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, ClassVar
 
 from linear_bem.errors import InvalidProblem
 from linear_bem.magnitudes import is_number, range_faults
@@ -49,6 +49,9 @@ class Indenter:
     function f(x, y). The peak pressure at a convex kink (maximum) has no limit: it grows as grids and meshes are
     refined. At a concave kink (minimum) the surface may lift off the body.
     """
+
+    ratios: ClassVar[tuple[str, ...]] = ()
+    """Fields that are no lengths: a similar body of another size has the same."""
 
     def __init_subclass__(cls) -> None:
         # a dataclass would use the property as the default of a field with this name, and fail to set it
@@ -209,6 +212,7 @@ class Cone(Indenter):
 
     slope: float
     tip_radius: float
+    ratios = ("slope",)
 
     def _faults_of(self, key: str, value: Any) -> list[str]:
         if key != "slope":

@@ -147,9 +147,9 @@ def _radius(problem: Problem, factor: float) -> Problem:
     for ball in problem.balls:
         if isinstance(ball.shape, str):
             balls.append(dataclasses.replace(ball, radius=factor * ball.radius))
-        else:  # a body of a scene, whose numbers are lengths but for a cone's slope
+        else:  # a body of a scene
             body: Any = ball.shape
-            lengths = {key: np.multiply(factor, value) for key, value in asdict(body).items() if key != "slope"}
+            lengths = {key: np.multiply(factor, value) for key, value in asdict(body).items() if key not in body.ratios}
             body = dataclasses.replace(body, **{key: value.tolist() for key, value in lengths.items()})
             balls.append(dataclasses.replace(ball, shape=body, radius=body.apex_radius))
     return dataclasses.replace(problem, balls=tuple(balls))

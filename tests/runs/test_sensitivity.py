@@ -77,7 +77,26 @@ def test_one_per_cent_is_what_solving_again_says() -> None:
     )
 
 
-@pytest.mark.parametrize("body", [Cone(math.radians(30.0), 0.5), Punch(0.5, 0.1), Ellipsoid((0.5, 0.4, 0.3))])
+@dataclasses.dataclass(frozen=True)
+class Blunt(Indenter):
+    """A body with a field that is no length."""
+
+    size: float
+    power: float
+    ratios = ("power",)
+
+    @property
+    def apex_radius(self) -> float:
+        return self.size
+
+    def height(self, x: float, y: float) -> float:
+        r2 = (x**2 + y**2) / self.size**2
+        return self.size * (0.5 * r2 + r2**self.power)
+
+
+@pytest.mark.parametrize(
+    "body", [Cone(math.radians(30.0), 0.5), Punch(0.5, 0.1), Ellipsoid((0.5, 0.4, 0.3)), Blunt(0.5, 2.0)]
+)
 def test_other_bodies_grow_as_a_whole(body: Indenter) -> None:
     scene = Problem(Layer(1.0, 0.4, 2.0), (Ball((0.0, 0.0), shape=body),), Load("approach", (0.1,)))
     grown = sensitivity._radius(scene, 1.2).balls[0]
