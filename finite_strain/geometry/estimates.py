@@ -28,7 +28,7 @@ _FARTHEST = 1e3
 _FARTHER = 1.1
 """Factor between the distances from the axis at which a body is compared with its approach."""
 _EXACT = 2e-12
-"""Tolerance of a section's edge, over the apex radius."""
+"""Tolerance of a section's edge, over the approach plus the apex radius."""
 _ROUNDS = 4
 """Fixed-point iterations between approach and radius for a prescribed force."""
 _AROUND = np.exp(2j * np.pi * np.arange(1024) / 1024)
@@ -68,7 +68,7 @@ def section_edge(indenter: Indenter, depth: float, way: complex, known: float = 
 
     end = min(known, _end(indenter, depth))
     if (rise := above(end)) > 0.0:
-        return float(brentq(above, 0.0, end, xtol=_EXACT * indenter.apex_radius))
+        return float(brentq(above, 0.0, end, xtol=_EXACT * (depth + indenter.apex_radius)))
     if end < min(known, indenter.reach):
         raise InvalidProblem(
             f"balls.shape: {type(indenter).__name__}.height must exceed the approach, {depth:.3g} m, far from the "

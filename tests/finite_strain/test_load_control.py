@@ -13,14 +13,14 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import finite_strain
-from finite_strain.geometry.estimates import alone
+from finite_strain.geometry.estimates import alone, radius_seen
 from finite_strain.geometry.load_control import LARGEST_APPROACH, prescribed
 from finite_strain.geometry.symmetry import reduce_scene
 from finite_strain.planning.forecast import forecast
 from finite_strain.planning.run_plan import plan_run
 from linear_bem import Ball, Elastic, FiniteStrain, InvalidProblem, Layer, Load, Problem, UnsupportedProblem
 from linear_bem.closed_forms import indentation_of_layer
-from linear_bem.indenter import Cone, Indenter
+from linear_bem.indenter import Cone, HeightFunction, Indenter
 from tests.finite_strain.scenes import (
     COARSER,
     UNEQUAL,
@@ -126,6 +126,11 @@ def test_the_initial_approaches_are_those_of_single_balls() -> None:
     assert given.moves.shape == (2, 0)
     assert given.full.shape == (0,)
     assert given.approaches(0.5) == relatively([0.05, 0.04], 1e-12)
+
+
+def test_a_body_with_steep_flanks_may_be_pressed_far_deeper_than_its_apex_radius() -> None:
+    body = HeightFunction(1e-6, lambda x, y: 1e15 * np.maximum(np.sqrt(x**2 + y**2) - 1e-5, 0.0))
+    assert radius_seen(body, 1e-3) == relatively(0.5 * 1e-5**2 / 1e-3, 1e-6)
 
 
 @pytest.mark.parametrize(
