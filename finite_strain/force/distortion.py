@@ -60,11 +60,7 @@ class Distortion:
 
     def describe(self) -> str:
         """Return the values in words, with their meaning for the solid."""
-        below = " and {:.2g} m below the surface"
-        places = {
-            name: f"{away:.2g} m from a ball's axis{below.format(depth) if depth > 0.0 else ''}"
-            for name, (away, depth) in self.distorted_at.items()
-        }
+        places = {name: _place(*at) for name, at in self.distorted_at.items()}
         volume = f"smallest volume ratio J = {self.smallest_volume_ratio:.2g}, {places['volume_ratio']}"
         stretch = self.smallest_surface_stretch
         surface = f"smallest stretch of the surface {stretch:.2g}, {places['surface_stretch']}"
@@ -113,3 +109,8 @@ def distortion(
     (volume, shortest, least_seen), places = zip(*least, strict=True)
     at = dict(zip(("volume_ratio", "surface_stretch", "seen_area"), places, strict=True))
     return Distortion(volume, shortest, least_seen, crossing if crossing > 1e-9 * deep else 0.0, at)
+
+
+def _place(away: float, depth: float) -> str:
+    below = f" and {depth:.2g} m below the surface" if depth > 0.0 else ""
+    return f"{away:.2g} m from a ball's axis{below}"

@@ -184,5 +184,5 @@ class PrescribedLoad:
 def prescribed(problem: Problem) -> PrescribedLoad:
     """Return the load of a problem."""
     if problem.load.kind == "approach":
-        return PrescribedLoad(problem, False, "normal_force", 1.0)
-    return PrescribedLoad(problem, True, "approach", 1.5)
+        return PrescribedLoad(problem, forces_given=False, follows="normal_force", power=1.0)
+    return PrescribedLoad(problem, forces_given=True, follows="approach", power=1.5)
