@@ -81,7 +81,9 @@ class CutLaw:
         near = self._split.fall(at)
         # the mesh's pull is the slope of its influence
         kept = np.stack([linear[:, 0] * near, linear[:, 1] * near + linear[:, 0] * self._split.rise_slope(at)], axis=1)
-        self._values = CubicSpline(nodes[: last + 1], ((values - linear) * fall[:, None] + kept)[: last + 1])
+        spline = CubicSpline(nodes[: last + 1], ((values - linear) * fall[:, None] + kept)[: last + 1])
+        # cubics of influence and pull, shape (4, 2, cells); those of the last cell, beyond the reach, are 0
+        self._start, self._cubics = nodes[0], np.pad(spline.c.transpose(0, 2, 1), ((0, 0), (0, 0), (0, 1)))
 
     def waves(self, cell: Array) -> PeriodicMesh:
         """Return the influence that the table lacks [m/N], on a mesh over a cell of lengths [m]."""
@@ -95,8 +97,11 @@ class CutLaw:
 
     def __call__(self, distance: Array) -> tuple[Array, Array]:
         """Return influence and pull at distances [m]."""
-        values = np.where((distance < self.reach)[:, None], self._values(np.log(distance)), 0.0)
-        return values[:, 0], values[:, 1]
+        place = (np.log(distance) - self._start) / STEP  # scipy, which searches for the cells, takes four times as long
+        cell = np.clip(place.astype(np.intp), 0, self._cubics.shape[2] - 1)
+        rest = (place - cell) * STEP
+        influence, pull = np.polyval(np.take(self._cubics, cell, axis=2), rest)
+        return influence, pull
 
 
 class Listed:
