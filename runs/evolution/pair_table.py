@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged, UnsupportedProblem
@@ -142,9 +142,13 @@ class PairTable:
             return TypeAdapter(States).validate_python(data) if data["identity"] == self.identity else States()
         except FileNotFoundError:
             return States()
+        except ValidationError as error:
+            first = error.errors()[0]
+            fault = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
         except (OSError, ValueError, KeyError, TypeError) as error:
-            self.damage = f"{self.path}: cannot be read ({str(error).splitlines()[0]}); its runs are computed again"
-            return States()
+            fault = str(error)
+        self.damage = f"{self.path}: cannot be read ({fault}); its runs are computed again"
+        return States()
 
     @property
     def data(self) -> Document:

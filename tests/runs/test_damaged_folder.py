@@ -80,8 +80,17 @@ def test_a_path_continues_from_the_last_moment_before_a_damaged_one(damaged: int
     assert file.name in found.damage
 
 
-@pytest.mark.parametrize("text", ['{"identity"', "{}", "[]", '{"single": 3}'])
-def test_a_damaged_table_of_pairs_is_named_and_computed_again(text: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ('{"identity"', "Expecting ':'"),
+        ("{}", "'identity'"),
+        ("[]", "list indices"),
+        ('{"single": 3}', "single: Input should be"),
+        ('{"pairs": [{}]}', "pairs.0.distance: Field required"),
+    ],
+)
+def test_a_damaged_table_of_pairs_is_named_and_computed_again(text: str, fault: str, tmp_path: Path) -> None:
     problem = Problem(
         Layer(1.0, 0.3, 2.0), (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0)), Load("approach", (0.1, 0.1))
     )
@@ -91,12 +100,13 @@ def test_a_damaged_table_of_pairs_is_named_and_computed_again(text: str, tmp_pat
 
     table = opened()
     assert not table.damage
-    if text == '{"single": 3}':
-        text = json.dumps({**table.data, "single": 3})
+    if "single" in text or "pairs" in text:
+        text = json.dumps(table.data | json.loads(text))
     table.path.write_text(text, encoding="utf-8")
     again = opened()
     assert again.missing == table.missing
-    assert f"{table.path}: cannot be read" in again.damage
+    assert again.damage.startswith(f"{table.path}: cannot be read ({fault}")
+    assert again.damage.endswith("; its runs are computed again")
 
 
 def test_a_run_of_many_other_balls_is_named_by_the_first_of_them() -> None:
