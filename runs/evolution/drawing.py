@@ -19,8 +19,8 @@ from runs.scene.units import Unit
 Document = Mapping[str, Any]
 
 STEEL, EDGE = "#c9d3dc", "#3a4650"
-FRAMES, SECONDS, LAST_SECONDS = 60, 6.0, 0.9
-"""Frames of an animation, how long it takes, and how long its last frame stays."""
+FRAMES, SECONDS, LAST_SECONDS, COLORS = 60, 6.0, 0.9, 32
+"""Frames of an animation, its time, that of its last frame, and its colours, of which 256 would take a quarter more."""
 ALIKE = 0.03
 """Displacement over that of the whole path below which two configurations look the same."""
 NAMED = 8
@@ -177,7 +177,7 @@ def draw_animation(
         for artist in moving:
             axis.draw_artist(artist)
         frames.append(np.array(canvas.buffer_rgba())[..., :3])
-    save_gif(frames, folder / "evolution.gif", SECONDS / FRAMES, LAST_SECONDS)
+    save_gif(frames, folder / "evolution.gif", SECONDS / FRAMES, LAST_SECONDS, COLORS)
 
 
 @look()

@@ -75,11 +75,13 @@ def save_png(sheet: Image, path: Path) -> None:
         Pillow.fromarray(sheet).save(draft, format="PNG", optimize=True)
 
 
-def save_gif(sheets: Sequence[Image], path: Path, seconds: float = _FRAME_SECONDS, last: float = _LAST_SECONDS) -> None:
+def save_gif(
+    sheets: Sequence[Image], path: Path, seconds: float = _FRAME_SECONDS, last: float = _LAST_SECONDS, colors: int = 256
+) -> None:
     """Write sheets as an animation that pauses on the last sheet and repeats; ``seconds`` of each, and of the last."""
     from PIL import Image as Pillow  # noqa: PLC0415
 
-    palette = Pillow.fromarray(np.concatenate([sheets[0], sheets[-1]])).quantize(256)
+    palette = Pillow.fromarray(np.concatenate([sheets[0], sheets[-1]])).quantize(colors)
     frames = [Pillow.fromarray(sheet).quantize(palette=palette, dither=Pillow.Dither.NONE) for sheet in sheets]
     durations = [round(1000.0 * seconds)] * (len(frames) - 1) + [round(1000.0 * last)]
     with replacing(path) as draft:

@@ -19,7 +19,7 @@ from PIL import Image, ImageSequence
 from linear_bem import FiniteStrain, Load, Problem, Result, solve
 from linear_bem.result import Solved, Step
 from runs.evolution import evolving, outcome, pair_table, showing
-from runs.evolution.drawing import FRAMES, SECONDS
+from runs.evolution.drawing import COLORS, FRAMES, SECONDS
 from runs.evolution.evolving import evolve_scene
 from runs.models import MODELS, Run, standing
 from runs.process import signals
@@ -137,6 +137,7 @@ def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
     with Image.open(out / "evolution.gif") as animation:
         shown = [(f.info["duration"], np.asarray(f.convert("L"), float)) for f in ImageSequence.Iterator(animation)]
     assert sum(duration for duration, _ in shown) == pytest.approx(1e3 * SECONDS * (1.0 + 8.0 / FRAMES))
+    assert len(np.unique([picture for _, picture in shown])) <= COLORS  # which keep the file small
     first, last = shown[0][1], shown[-1][1]
     changed = np.abs(first - last) > 50.0
     assert 0.005 < changed.mean() < 0.5  # the balls have moved, the axes have not
