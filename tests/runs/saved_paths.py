@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from runs.studies.framework.case import Found
+from runs.studies.framework.saved_cases import Found
 
 
 def ball(depth: float, force: float, pull: float = -1e-3, error: float | None = 1e-5) -> dict[str, Any]:

@@ -10,8 +10,9 @@ import pytest
 
 from linear_bem.errors import ThirdBodyError
 from runs.scene.scene_file import read_scene
-from runs.studies.effects import answer
-from runs.studies.effects.answer import Account, lasting, measure, report
+from runs.studies.effects import answer, measuring
+from runs.studies.effects.answer import measure, report
+from runs.studies.effects.measuring import Account, lasting
 from runs.studies.effects.scenes import LINEAR, effects, toml
 
 
@@ -31,12 +32,11 @@ def measured() -> tuple[dict[str, dict[str, Any]], Account]:
         for effect in (substrate, finite, mixed)
     ]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(answer, "PROBE", Path(__file__).with_name("coarse_probe.py"))
+        patch.setattr(measuring, "PROBE", Path(__file__).with_name("coarse_probe.py"))
         linear: list[Account] = []
-        as_is = answer.run
 
         def run(*given: Any) -> Account:
-            account = as_is(*given)
+            account = measuring.run(*given)
             if account.document["model"] == "linear_bem":
                 linear.append(account)
             return account
@@ -81,7 +81,7 @@ def linear(measured: tuple[dict[str, dict[str, Any]], Account]) -> Account:
 def test_a_module_that_is_taken_away_is_missed_by_the_scene_that_needs_it(linear: Account) -> None:
     assert "linear_bem.smooth.tangential_forces" in linear.modules
     with pytest.raises(ThirdBodyError, match=r"without linear_bem\.smooth\.tangential_forces ended with"):
-        answer.run(LINEAR, blocked=["linear_bem.smooth.tangential_forces"])
+        measuring.run(LINEAR, blocked=["linear_bem.smooth.tangential_forces"])
 
 
 def test_a_function_that_is_taken_away_is_missed_by_the_scene_that_calls_it(linear: Account) -> None:
@@ -89,7 +89,7 @@ def test_a_function_that_is_taken_away_is_missed_by_the_scene_that_calls_it(line
     assert "linear_bem.solver:solve_contact" in called
     assert not [name for name in called if not name.startswith(("linear_bem.", "runs."))]
     with pytest.raises(ThirdBodyError, match=r"linear_bem\.solver:solve_contact \(refused"):
-        answer.run(LINEAR, blocked=["linear_bem.solver:solve_contact"])
+        measuring.run(LINEAR, blocked=["linear_bem.solver:solve_contact"])
 
 
 def test_every_scene_of_the_study_is_a_scene(tmp_path: Any) -> None:
@@ -117,5 +117,5 @@ def test_what_a_scene_pays_for_is_distinguished() -> None:
         return Account(frozenset(modules), frozenset(functions), (), {"solved": {"unknowns": 7}})
 
     here, there = account({"a"}, {"a:f"}), account({"a", "b"}, {"a:f", "a:g", "b:h"})
-    assert answer.own_functions(here, there) == ["a:g"]
+    assert measuring.own_functions(here, there) == ["a:g"]
     assert here.unknowns == 7

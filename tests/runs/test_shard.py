@@ -24,8 +24,9 @@ from runs.reporting.folder import read_folder
 from runs.studies import Options, read_shard
 from runs.studies.framework import runner
 from runs.studies.framework import study as studies
-from runs.studies.framework.case import Case, Found, StudyFolder, varied
+from runs.studies.framework.case import Case, varied
 from runs.studies.framework.pair import pair
+from runs.studies.framework.saved_cases import Found, StudyFolder
 from runs.studies.framework.study import BEGIN, END, publish
 from runs.studies.strengthening.matrix import cases, law_cases
 from tests.launch import STAND_IN, thirdbody

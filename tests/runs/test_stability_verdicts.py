@@ -9,7 +9,7 @@ import pytest
 
 from linear_bem.result import FAINT, UNRESOLVED
 from runs.studies.stability.agreement import at_force, compared
-from runs.studies.stability.answer import BALANCE, FORCES, energy_balance, last_good, meshed_forces, verdict, work
+from runs.studies.stability.judging import BALANCE, FORCES, energy_balance, last_good, meshed_forces, verdict, work
 from runs.studies.stability.matrix import END, NO_LOAD, SAME_FORCE
 from tests.runs.saved_paths import ball, found, path
 

@@ -19,9 +19,10 @@ from runs.studies.accuracy import answer, picture
 from runs.studies.accuracy.answer import DEFAULTS, advice, measured, present
 from runs.studies.accuracy.matrix import OWN, PARAMETERS, REFERENCES, TRUE, USUAL_CASE, cases
 from runs.studies.accuracy.picture import front
-from runs.studies.framework.case import Found, varied
+from runs.studies.framework.case import varied
 from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.pair import pair
+from runs.studies.framework.saved_cases import Found
 from tests.launch import ROOT
 
 TRUTH = -2e-4

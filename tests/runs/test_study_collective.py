@@ -17,7 +17,7 @@ from runs.process.files import write_csv
 from runs.session.session import Session
 from runs.studies.collective import answer, boundary, cases
 from runs.studies.collective.cases import Case
-from runs.studies.framework.case import Found, StudyFolder
+from runs.studies.framework.saved_cases import Found, StudyFolder
 
 SOLVED = ("converged", "iterations", "seconds")
 CASES = [Case(2.0, 0.3, 101, 1), Case(0.8, 0.3, 101, 1)]

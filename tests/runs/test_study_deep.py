@@ -9,8 +9,8 @@ import pytest
 
 from finite_strain.planning.run_plan import plan_run
 from runs.studies.deep.answer import cases, present
-from runs.studies.framework.case import Found
 from runs.studies.framework.levels import LevelCase
+from runs.studies.framework.saved_cases import Found
 
 
 @pytest.mark.parametrize("scene", cases(quick=False), ids=lambda case: case.name)

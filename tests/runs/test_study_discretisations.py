@@ -9,8 +9,8 @@ import pytest
 
 from finite_strain.planning.run_plan import plan_run
 from runs.studies.discretisations.answer import BAR, BY_ITSELF, LEVELS, PAIRED, SCENES, cases, present
-from runs.studies.framework.case import Found
 from runs.studies.framework.levels import LevelCase
+from runs.studies.framework.saved_cases import Found
 
 
 def step(order: int, paired: float, alone: float, error: float) -> dict[str, Any]:

@@ -13,9 +13,11 @@ import pytest
 from finite_strain import Numerics
 from finite_strain.planning.run_plan import plan_run
 from runs.models import MODELS, Run
-from runs.studies.framework.case import ENDED, Case, Found
+from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
-from runs.studies.stability.answer import present, verdict
+from runs.studies.framework.saved_cases import ENDED, Found
+from runs.studies.stability.answer import present
+from runs.studies.stability.judging import verdict
 from runs.studies.stability.matrix import cases, hard_cases
 from tests.runs.saved_paths import ball, path
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from linear_bem import Problem, solve
-from runs.studies.framework.case import Found
 from runs.studies.framework.pair import THICK, THIN
+from runs.studies.framework.saved_cases import Found
 from runs.studies.strengthening import fitting, ratios
 from runs.studies.strengthening.answer import present
 from runs.studies.strengthening.matrix import cases

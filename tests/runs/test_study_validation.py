@@ -11,10 +11,12 @@ import pytest
 
 from runs.models import MODELS, Run
 from runs.studies import STUDIES
-from runs.studies.framework.case import LINEAR, Case, Found
+from runs.studies.framework.case import LINEAR, Case
+from runs.studies.framework.saved_cases import Found
 from runs.studies.validation import flat_punch, formulas, large_strain, small_strain
 from runs.studies.validation.answer import COMPARISONS, cases, present
-from runs.studies.validation.comparison import AGREES, CLOSE, DIFFERS, NOT_OPENED, SOURCES, Point
+from runs.studies.validation.comparison import AGREES, CLOSE, DIFFERS, Point
+from runs.studies.validation.sources import NOT_OPENED, SOURCES
 
 CHEAP = (
     "hertz-ball", "sphere-D0.05", "sphere-D0.1", "galin-n2", "galin-n4", "hyperboloid-D0.01", "layer-nu0.5-chi0.2",

@@ -14,8 +14,9 @@ import pytest
 from linear_bem.solver import solve
 from runs.comparison.linear_states import LinearStates
 from runs.models import Run
-from runs.studies.framework.case import Found, StudyFolder, pull, varied
+from runs.studies.framework.case import varied
 from runs.studies.framework.pair import PAPER_LOAD
+from runs.studies.framework.saved_cases import Found, StudyFolder, pull
 from runs.studies.validation.answer import cases as validation_cases
 from runs.studies.verification import convergence, nine_balls, one_ball, part, routes, small_load
 from runs.studies.verification.answer import PARTS, present

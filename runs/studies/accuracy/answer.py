@@ -9,9 +9,10 @@ from runs.display.numbers import duration
 from runs.process.files import write_csv
 from runs.studies.accuracy.matrix import ALL_RANKS, LADDER, OWN, PARAMETERS, REFERENCES, TRUE, USUAL_CASE, cases
 from runs.studies.accuracy.picture import draw
-from runs.studies.framework.case import DONE, SMALL, Found
+from runs.studies.framework.case import SMALL
 from runs.studies.framework.page import render
 from runs.studies.framework.runner import study_of_cases
+from runs.studies.framework.saved_cases import DONE, Found
 
 WANTED = (0.1, 0.01, 0.001)
 SAME_TIME = 1.25

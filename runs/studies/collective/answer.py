@@ -11,9 +11,9 @@ from runs.process.files import write_csv
 from runs.studies import Options
 from runs.studies.collective import boundary, cases, pictures
 from runs.studies.collective.cases import Finished, PairLaw
-from runs.studies.framework.case import Found, StudyFolder
 from runs.studies.framework.page import render
 from runs.studies.framework.runner import run_cases
+from runs.studies.framework.saved_cases import Found, StudyFolder
 from runs.studies.framework.study import CASES, Study, command, timed
 
 SHOWN = (6.0, 0.3, 1)

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from runs.studies.collective.cases import APPROACH, POISSON
-from runs.studies.framework.case import DONE, FINITE, LINEAR, Case, Found, pull
+from runs.studies.framework.case import FINITE, LINEAR, Case
 from runs.studies.framework.pair import as_seen_by, pair
+from runs.studies.framework.saved_cases import DONE, Found, pull
 
 THICKNESSES = (1.6, 1.8, 2.0)
 ACCURACY = {LINEAR: 1e-4, FINITE: 0.05}

@@ -10,12 +10,13 @@ from linear_bem.errors import ThirdBodyError
 from linear_bem.problem import Ball, Problem
 from runs.display.style import BLUE, GREEN, GREY, ORANGE, PURPLE, error_bars, look, panels, save_figure
 from runs.process.files import write_csv
-from runs.studies.framework.case import Case, Found, pull
+from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.page import render
 from runs.studies.framework.pair import THICK, as_seen_by, pair, pressed
 from runs.studies.framework.runner import study_of_cases
-from runs.studies.stability.answer import work
+from runs.studies.framework.saved_cases import Found, pull
+from runs.studies.stability.judging import work
 
 LEVELS = (Level(2, 1.0), Level(2, 1.5), Level(3, 1.0), Level(3, 1.5))
 """Coarse to fine; the states on each are the initial guesses on the next."""

@@ -8,11 +8,12 @@ from typing import Any
 from linear_bem.problem import Ball
 from runs.display.numbers import leading_ball
 from runs.process.files import write_csv
-from runs.studies.framework.case import Case, Found
+from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.page import render
 from runs.studies.framework.pair import THICK, pair, pressed
 from runs.studies.framework.runner import study_of_cases
+from runs.studies.framework.saved_cases import Found
 
 LEVELS = (Level(2, 1.0), Level(2, 1.5), Level(3, 1.0), Level(4, 1.0))
 """Coarse to fine; the states on each are the initial guesses on the next."""

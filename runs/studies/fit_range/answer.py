@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from runs.comparison.strengthening_fit import fit_error, outside, strengthening_at_force
-from runs.studies.framework.case import Case, Found
+from runs.studies.framework.case import Case
 from runs.studies.framework.page import render
 from runs.studies.framework.runner import study_of_cases
+from runs.studies.framework.saved_cases import Found
 from runs.studies.strengthening.matrix import along
 from runs.studies.strengthening.ratios import load_paths
 

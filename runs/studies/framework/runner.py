@@ -20,8 +20,9 @@ from runs.process.locks import RUNNING, STOPPED
 from runs.session.progress import Progress, print_status
 from runs.session.session import path_so_far
 from runs.studies import Options
-from runs.studies.framework.case import DONE, NOT_RUN, Case, Found, StudyFolder, varied
+from runs.studies.framework.case import Case, varied
 from runs.studies.framework.page import render
+from runs.studies.framework.saved_cases import DONE, NOT_RUN, Found, StudyFolder
 from runs.studies.framework.study import Study, command
 
 

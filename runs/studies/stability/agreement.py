@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from runs.studies.framework.case import DONE, Found
+from runs.studies.framework.saved_cases import DONE, Found
 from runs.studies.stability.matrix import NO_LOAD, SAME_FORCE
 
 FAR_ENOUGH = 4.0

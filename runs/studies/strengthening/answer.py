@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from runs.display.numbers import number, with_error
-from runs.studies.framework.case import Case, Found
+from runs.studies.framework.case import Case
 from runs.studies.framework.page import render
 from runs.studies.framework.runner import study_of_cases
+from runs.studies.framework.saved_cases import Found
 from runs.studies.strengthening import fitting, laws, pictures
 from runs.studies.strengthening.fitting import at_depth
 from runs.studies.strengthening.matrix import SIDES, cases, law_cases

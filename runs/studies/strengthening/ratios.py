@@ -18,7 +18,8 @@ from runs.comparison.strengthening_factors import compare_steps
 from runs.display.numbers import attraction
 from runs.process.files import read_json, write_csv, write_text
 from runs.process.json_values import to_json
-from runs.studies.framework.case import Case, Found, code_of
+from runs.studies.framework.case import Case, code_of
+from runs.studies.framework.saved_cases import Found
 
 KEPT = "ratios.json"
 """File of the study's folder with the factors of every load path: the linear states are solved once."""

@@ -6,21 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from runs.process.files import write_csv
-from runs.studies.framework.case import Case, Found
+from runs.studies.framework.case import Case
 from runs.studies.framework.page import render
 from runs.studies.framework.runner import study_of_cases
+from runs.studies.framework.saved_cases import Found
 from runs.studies.validation import flat_punch, large_strain, pictures, signs, small_strain
-from runs.studies.validation.comparison import (
-    AGREES,
-    CLOSE,
-    CLOSE_BAND,
-    DIFFERS,
-    NOT_OPENED,
-    SECOND,
-    Comparison,
-    Groups,
-    Point,
-)
+from runs.studies.validation.comparison import AGREES, CLOSE, CLOSE_BAND, DIFFERS, SECOND, Comparison, Groups, Point
+from runs.studies.validation.sources import NOT_OPENED
 
 COMPARISONS = (*small_strain.COMPARISONS, *flat_punch.COMPARISONS, *large_strain.COMPARISONS, *signs.COMPARISONS)
 """In the order of the page."""

@@ -1,29 +1,12 @@
-"""The published results, from sources.toml, and comparisons of our numbers with theirs, both with errors."""
+"""A comparison of our numbers with those of a source, both with errors."""
 
 import math
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
-from runs.studies.framework.case import Found
+from runs.studies.framework.saved_cases import Found
+from runs.studies.validation.sources import SOURCES, Source
 
-
-@dataclass(frozen=True)
-class Source:
-    """A published result: ``states`` was read at the address ``read``; ``remark``: its errors or open questions."""
-
-    citation: str
-    states: str
-    read: str
-    doi: str = ""
-    remark: str = ""
-
-
-_read = tomllib.loads(Path(__file__).with_name("sources.toml").read_text(encoding="utf-8"))
-SOURCES = {key: Source(**source) for key, source in _read["sources"].items()}
-NOT_OPENED: dict[str, str] = _read["not_opened"]
-"""Publications that were sought but could not be read, with the reason."""
 AGREES, CLOSE, DIFFERS = "agrees", "close", "differs"
 SECOND = "second route"
 """Prefix of a group that is not the source's: another route to our number, not part of the verdict on the source."""

@@ -7,7 +7,8 @@ from functools import partial
 from typing import Any
 
 from linear_bem.problem import Ball, Elastic, Layer
-from runs.studies.framework.case import LINEAR, SMALL, Case, Found
+from runs.studies.framework.case import LINEAR, SMALL, Case
+from runs.studies.framework.saved_cases import Found
 from runs.studies.validation import formulas
 from runs.studies.validation.comparison import FORCE_BAR, RADIUS_BAR, SECOND, Comparison, Groups, Point
 from runs.studies.validation.small_strain import BONDED, CHI, CURVATURE, FACTOR, Power, Reference, layered, pressed

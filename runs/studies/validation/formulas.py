@@ -1,7 +1,7 @@
 """Published formulas as printed in their sources, except those in `linear_bem.closed_forms`.
 
 chi = sqrt(R D) / h is the contact size over the thickness; E* = E / (1 - nu^2); a factor multiplies the force on a
-half-space. Where each formula was read is stated in `runs.studies.validation.comparison`.
+half-space. Where each formula was read is stated in `runs.studies.validation.sources`.
 """
 
 import math

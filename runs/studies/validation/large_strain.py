@@ -8,8 +8,9 @@ from typing import Any
 from linear_bem import solve
 from linear_bem.closed_forms import hertz_force, long_force
 from linear_bem.problem import Ball, Layer, Problem
-from runs.studies.framework.case import FINITE, Case, Found
+from runs.studies.framework.case import FINITE, Case
 from runs.studies.framework.pair import as_seen_by, pressed
+from runs.studies.framework.saved_cases import Found
 from runs.studies.validation import formulas
 from runs.studies.validation.comparison import SECOND, Comparison, Groups, Point
 

@@ -2,8 +2,9 @@
 
 import math
 
-from runs.studies.framework.case import LINEAR, Case, Found, pull
+from runs.studies.framework.case import LINEAR, Case
 from runs.studies.framework.pair import as_seen_by, pair
+from runs.studies.framework.saved_cases import Found, pull
 from runs.studies.validation.comparison import Comparison, Groups, Point
 
 THICK, THIN = math.inf, 0.5

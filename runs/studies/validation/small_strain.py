@@ -10,8 +10,9 @@ from linear_bem.closed_forms import hertz_force
 from linear_bem.indenter import Cone
 from linear_bem.layer.response import LayerResponse
 from linear_bem.problem import Ball, Elastic, Layer, Load, Problem
-from runs.studies.framework.case import LINEAR, Case, Found, pull
+from runs.studies.framework.case import LINEAR, Case
 from runs.studies.framework.pair import PAPER_LOAD, THICK, THIN, as_seen_by, pair
+from runs.studies.framework.saved_cases import Found, pull
 from runs.studies.validation import formulas
 from runs.studies.validation.comparison import FORCE_BAR, RADIUS_BAR, Comparison, Groups, Point
 

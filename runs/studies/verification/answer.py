@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from runs.process.files import write_csv
-from runs.studies.framework.case import Case, Found
+from runs.studies.framework.case import Case
 from runs.studies.framework.page import render
 from runs.studies.framework.pair import PAPER_LOAD
 from runs.studies.framework.runner import study_of_cases
+from runs.studies.framework.saved_cases import Found
 from runs.studies.verification import convergence, nine_balls, one_ball, pictures, routes, small_load
 from runs.studies.verification.part import RIGHT, WIDEST, WRONG, Row
 

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 
 from runs.comparison.linear_states import LinearStates
-from runs.studies.framework.case import Case, Found, pull
+from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.pair import as_seen_by, pair
+from runs.studies.framework.saved_cases import Found, pull
 from runs.studies.verification.part import Part, claimed
 
 NAME = "convergence"

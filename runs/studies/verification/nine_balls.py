@@ -14,8 +14,9 @@ from runs import evolution
 from runs.evolution.providers import table_of
 from runs.models import MODELS, Run
 from runs.session.progress import print_status
-from runs.studies.framework.case import DONE, FINITE, Case, Found, code_of
+from runs.studies.framework.case import FINITE, Case, code_of
 from runs.studies.framework.pair import pressed
+from runs.studies.framework.saved_cases import DONE, Found
 from runs.studies.verification.part import Part, claimed
 
 NAME = "nine-balls"

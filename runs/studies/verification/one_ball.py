@@ -7,8 +7,9 @@ import numpy as np
 
 from linear_bem.problem import Ball
 from runs.models import MODELS, Run
-from runs.studies.framework.case import FINITE, SMALL, Case, Found
+from runs.studies.framework.case import FINITE, SMALL, Case
 from runs.studies.framework.pair import as_seen_by, pressed
+from runs.studies.framework.saved_cases import Found
 from runs.studies.validation.large_strain import case_of, forces
 from runs.studies.verification.part import Part, claimed
 

@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from runs.studies.framework.case import Case, Found
+from runs.studies.framework.case import Case
+from runs.studies.framework.saved_cases import Found
 
 COARSE = 0.2
 """Relative accuracy of T in the quick version, which gives the coarsest meshes."""

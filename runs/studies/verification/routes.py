@@ -4,9 +4,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from runs.display.numbers import attraction
-from runs.studies.framework.case import DONE, Case, Found
+from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.pair import pair
+from runs.studies.framework.saved_cases import DONE, Found
 from runs.studies.verification.part import COARSE, Part, claimed
 
 NAME = "routes"

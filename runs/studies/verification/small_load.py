@@ -8,8 +8,9 @@ import numpy as np
 
 from finite_strain.geometry.extent import scale_of_force
 from runs.comparison.linear_states import LinearStates
-from runs.studies.framework.case import FINITE, SMALL, Case, Found, pull
+from runs.studies.framework.case import FINITE, SMALL, Case
 from runs.studies.framework.pair import PAPER_LOAD, THIN, as_seen_by, pair
+from runs.studies.framework.saved_cases import Found, pull
 from runs.studies.verification.one_ball import extrapolation_weights
 from runs.studies.verification.part import COARSE, Part, claimed
 
