@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -63,6 +64,8 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[dict[str, 
     assert "Not there" not in done.stdout
     assert "L = 2.1 R, nu = 0.3)" in done.stdout
     assert (folder / "verification.png").stat().st_size > 20_000
+    moved = json.loads((folder / "cases" / f"{routes.APART}.json").read_text(encoding="utf-8"))
+    assert moved["steps"][0]["balls"][0]["tangential_force_error"] is None  # energies alone, without small strain
     tables = {}
     for one in PARTS:
         file = folder / f"{one.name}.csv"
