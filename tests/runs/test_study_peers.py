@@ -82,6 +82,16 @@ def test_every_law_that_both_codes_solved_is_a_row_with_its_deviation_over_both_
     assert row.split("|")[-4:-1] == [" 0.01613 ", " 0.07407 ", " 0.8 "]
 
 
+@pytest.mark.slow
+def test_ngsolve_of_order_three_reaches_the_deeper_approach(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("ngsolve")
+    from runs.studies.peers import ngsolve_pair  # noqa: PLC0415
+
+    ngsolve_pair.main(0.32, "3x1")
+    found = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert (found["normal_force"], found["tangential_force"]) == pytest.approx(REFERENCE[0.32], rel=5e-3)
+
+
 def test_the_scene_of_this_project_names_each_law_with_its_numbers(tmp_path: Path) -> None:
     for name, (law, poisson) in LAW_BY_NAME.items():
         (tmp_path / "pair.toml").write_text(scene_text(0.32, "0.02", name), encoding="utf-8")

@@ -1,4 +1,7 @@
-"""The hard cases (R = 1 and E1 = 1, except for the scaled one): difficulty, models, and the reference for the check."""
+"""The hard cases (R = 1 and E1 = 1, except for the scaled one): difficulty, models, and the reference for the check.
+
+The requested accuracy is low: the question is whether an answer lies within its own error bar.
+"""
 
 import dataclasses
 import math
