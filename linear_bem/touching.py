@@ -91,7 +91,10 @@ def axis_faults(radii: Array, positions: Array, cell: Array | None) -> list[str]
 
 def near_pairs(places: Array, reach: Array, cell: Array | None = None) -> Indices:
     """Return the pairs of ``places`` (n, 2) [m], first below second, within the larger ``reach`` (n,) [m] of both."""
-    near = cKDTree(places, boxsize=cell).query_ball_point(places, reach)
+    tree = cKDTree(places, boxsize=cell)
+    if np.all(reach == reach[0]):  # many times faster
+        return np.asarray(tree.query_pairs(reach[0], output_type="ndarray"))
+    near = tree.query_ball_point(places, reach)
     first, second = np.repeat(np.arange(len(places)), list(map(len, near))), np.concatenate(near).astype(np.intp)
     # of equal reach, each is near the other
     once = (reach[second] < reach[first]) | ((reach[second] == reach[first]) & (first < second))
