@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 _SPACING = 0.02
 _NEAR = 1.0
-_EVEN, _TERMS = 3.2, 30
-"""End of the range from rho = 0 on where a polynomial in rho^2 with this number of terms is s to roundoff."""
+_EVEN = {0.8: 12, 1.6: 18, 3.2: 30}
+"""Ends of ranges from rho = 0 on, with the number of terms of a polynomial in rho^2 that is s there to roundoff."""
 NONE = 1e-9
 """`LayeredKernel.uniform` over the layer's thickness that counts as 0: the measured limit is accurate to 1e-11."""
 
@@ -108,18 +108,16 @@ class _Table:
         self.end = float(y[-1])
         self.spline = PPoly.from_spline(even_spline(y, values, 12))
         self.remainder = values[-1] - self.far
-        # near the axis s is a power series in rho^2, singular at rho^2 = -4: in powers of z = 2 (rho/_EVEN)^2 - 1 a
-        # polynomial is five times faster
-        z = np.cos((np.arange(_TERMS) + 0.5) * np.pi / _TERMS)
-        near = smooth_kernel(response, _EVEN * np.sqrt(0.5 * (1.0 + z)))
-        self.powers = np.polynomial.chebyshev.cheb2poly(np.polynomial.chebyshev.chebfit(z, near, _TERMS - 1))
-        self.slope_powers = np.polynomial.polynomial.polyder(self.powers) * (4.0 / _EVEN**2)
+        # near the axis s is a power series in rho^2, singular at rho^2 = -4: polynomials are five times faster
+        self.even = [(end, *_even_powers(response, end, terms)) for end, terms in _EVEN.items()]
 
     def value_and_slope(self, rho: Array, slope: bool) -> tuple[Array, Array]:
         """Return s and ds/drho (zeros without ``slope``)."""
-        if np.max(rho, initial=0.0) <= _EVEN:
-            z = rho * rho * (2.0 / _EVEN**2) - 1.0
-            return _power_series(self.powers, z), rho * _power_series(self.slope_powers, z) if slope else 0.0 * rho
+        largest = np.max(rho, initial=0.0)
+        for end, powers, derivative in self.even:
+            if largest <= end:
+                z = rho * rho * (2.0 / end**2) - 1.0
+                return _power_series(powers, z), rho * _power_series(derivative, z) if slope else np.zeros_like(rho)
         y = np.arcsinh(rho)
         beyond = y > self.end
         y = np.minimum(y, self.end)
@@ -131,6 +129,14 @@ class _Table:
             return s, np.zeros_like(s)
         inside = (self.spline(y, 1) - value * rho / root) / root**2
         return s, np.where(beyond, -(self.far + 3.0 * fall) * rho / root**3, inside)
+
+
+def _even_powers(response: LayerResponse | MeasuredResponse, end: float, terms: int) -> tuple[Array, Array]:
+    """Return the coefficients of s(rho) and of its slope over rho in powers of z = 2 (rho/end)^2 - 1."""
+    z = np.cos((np.arange(terms) + 0.5) * np.pi / terms)
+    values = smooth_kernel(response, end * np.sqrt(0.5 * (1.0 + z)))
+    powers = np.polynomial.chebyshev.cheb2poly(np.polynomial.chebyshev.chebfit(z, values, terms - 1))
+    return powers, np.polynomial.polynomial.polyder(powers) * (4.0 / end**2)
 
 
 def _power_series(coefficients: Array, z: Array) -> Array:
