@@ -2,15 +2,18 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from linear_bem import Layer
 from linear_bem.errors import NotConverged
+from linear_bem.far_field import pairs_and_mesh
 from linear_bem.far_field.groups import groupings
 from linear_bem.far_field.kernel_split import RULES, Split, reach_of
 from linear_bem.far_field.pairs_and_mesh import AROUND, FarField, PointInfluence
 from linear_bem.far_field.particle_mesh import ParticleMesh
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.media import Elastic
+from linear_bem.touching import near_pairs
 
 BASES = {
     "half-space": (np.inf, None),
@@ -113,6 +116,36 @@ def test_unlike_pairs_are_those_of_the_direct_search():
     assert 0 < np.sum(kept) < len(i) / 2
     pairs = set(zip(field.first.tolist(), field.second.tolist(), strict=True))
     assert pairs == set(zip(i[kept].tolist(), j[kept].tolist(), strict=True))
+
+
+@pytest.mark.parametrize("cell", [None, np.array([3.0, 5.0])], ids=["plane", "cell"])
+@pytest.mark.parametrize("reach", [0.3, 2.4, 20.0])
+def test_near_pairs_of_like_and_unlike_reach_are_those_of_the_direct_search(cell, reach):
+    rng = np.random.default_rng(0)
+    points = rng.uniform(0.0, 3.0, (60, 2))
+    i, j = np.triu_indices(60, 1)
+    between = points[i] - points[j]
+    apart = np.hypot(*(between if cell is None else between - cell * np.round(between / cell)).T)
+    for reaches in (np.full(60, reach), rng.uniform(0.1, 1.0, 60) * reach):
+        kept = apart <= np.maximum(reaches[i], reaches[j])
+        pairs = sorted(map(tuple, near_pairs(points, reaches, cell).tolist()))
+        assert pairs == list(zip(i[kept].tolist(), j[kept].tolist(), strict=True))
+
+
+@pytest.mark.parametrize(("smallest", "within"), [(0.3, 0.1), (0.003, 0.4)], ids=["like", "unlike"])
+def test_pairs_of_many_loads_are_counted_from_some(smallest, within):
+    rng = np.random.default_rng(2)
+    points, sizes, asked = rng.uniform(0.0, 230.0, (6000, 2)), 0.3 * (smallest / 0.3) ** rng.uniform(0.0, 1.0, 6000), []
+    choice = pairs_and_mesh._Choice(LayeredKernel(Layer(1.0, 0.3, 3.0)), points, sizes, 1e-5, 0.0)
+
+    class Noted(cKDTree):
+        def query_ball_point(self, x, *given, **options):
+            asked.append(len(x))
+            return super().query_ball_point(x, *given, **options)
+
+    choice.tree = Noted(points)
+    assert choice._count(5.0) == pytest.approx(len(choice.near(5.0)[0]), rel=within)
+    assert asked == [pairs_and_mesh.COUNTED]
 
 
 def test_the_meshs_slopes_are_those_of_its_kernel():
