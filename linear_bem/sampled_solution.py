@@ -75,7 +75,7 @@ def solve_by_sample(guess: Start, wanted: float, report: Report, size: int | Non
     """
     best: Solution | None = None
     contacts: SmoothContacts | None = None
-    start = _at_degree(guess, 2, ROUGH, PAIRS * wanted, report, solve_smooth)
+    start = _at_degree(solve_smooth, guess, 2, ROUGH, PAIRS * wanted, report)
     share = float(np.max(np.abs(start.mutual_force))) / max(float(np.max(pulls(start))), 1e-300)
     sharpest = max(AGAIN * wanted, FINEST)
     pairs = min(PAIRS * wanted, max(PULLED * share * wanted, sharpest))
@@ -109,19 +109,17 @@ def solve_by_sample(guess: Start, wanted: float, report: Report, size: int | Non
 
 def _settled(start: SmoothContacts, degree: int, wanted: float, pairs: float) -> SmoothContacts:
     """Return the contacts at a degree, swept until T has settled: on a thin layer T is a small sum of large terms."""
-    contacts = _at_degree(start, degree, SWEPT * wanted, pairs, start.report)
+    contacts = _at_degree(smooth_state, start, degree, SWEPT * wanted, pairs, start.report)
     left, most = LEFT * wanted * reference_force(contacts), float(np.max(felt(contacts)))
     if contacts.smooth.residual * most <= left:  # `felt` is 0 for a single ball
         return contacts
     try:
-        return _at_degree(contacts, degree, left / most, pairs, start.report)
+        return _at_degree(smooth_state, contacts, degree, left / most, pairs, start.report)
     except NotConverged:
         return contacts
 
 
-def _at_degree(
-    start: Guess, degree: int, swept: float, pairs: float, report: Report, solve: Solve = smooth_state
-) -> SmoothContacts:
+def _at_degree(solve: Solve, start: Guess, degree: int, swept: float, pairs: float, report: Report) -> SmoothContacts:
     """Return the contacts at a degree; balls may lose contact and, with `smooth_state`, come into contact."""
     for _ in range(CHANGES):
         try:
