@@ -103,7 +103,12 @@ class Model:
         self._direction = self.fields.like()
         potential = bulk + self.contact.energy
         residuals = [ufl.derivative(potential, f, ufl.TestFunction(f.function_space)) for f in fields]
-        tangents = [ufl.derivative(r, f, ufl.TrialFunction(f.function_space)) for r in residuals for f in fields]
+        varying, pressed = residuals, []
+        if not (self.is_finite or self.is_mixed):  # the bulk's part of the tangent is constant
+            u, test, trial = self.displacement, ufl.TestFunction(self.space), ufl.TrialFunction(self.space)
+            varying = [ufl.derivative(bulk, u, test)]
+            pressed = [ufl.derivative(ufl.derivative(self.contact.energy, u, test), u, trial)]
+        tangents = [ufl.derivative(r, f, ufl.TrialFunction(f.function_space)) for r in varying for f in fields]
         pairs = list(zip(fields, self._direction.functions, strict=True))
         self._products = [sum(ufl.derivative(r, f, d) for f, d in pairs) for r in residuals]
         inside = {"strain_energy": lambda psi, _: psi, "eshelby": self._eshelby}
@@ -111,13 +116,15 @@ class Model:
         surface["configurational"] = self.contact.configurational_form(self.weight, self.axis)
         self.readings = Readings(self.contact, self.volume_integral, inside, surface)
         self._by_move = ufl.derivative(surface["normal"], self.displacement, ufl.TestFunction(self.space))
-        compiled = iter(compat.compile_forms([*tangents, *residuals, *self.readings.forms], self.comm))
+        compiled = iter(compat.compile_forms([*tangents, *residuals, *pressed, *self.readings.forms], self.comm))
         self._tangent = [[next(compiled) for _ in fields] for _ in fields]
         self._residuals = [next(compiled) for _ in fields]
+        self._pressed = [next(compiled) for _ in pressed]
         self.readings.compiled = list(compiled)
         create = compat.create_block_matrix if self.is_mixed else dolfinx.fem.petsc.create_matrix
         self.matrix = create(self._tangent if self.is_mixed else self._tangent[0][0])
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self._constant: PETSc.Mat | None = None
         spaces = [field.function_space for field in fields]
         self._work = [compat.ghosted_vector(*pair) for pair in zip(self._residuals, spaces, strict=True)]
 
@@ -133,8 +140,9 @@ class Model:
 
     def close(self) -> None:
         """Free the matrices and the work vectors (collective)."""
-        for item in (self.matrix, *self._work):
-            item.destroy()
+        for item in (self.matrix, self._constant, *self._work):
+            if item is not None:
+                item.destroy()
         compat.free_dropped_objects(self.comm)
 
     @property
@@ -220,14 +228,25 @@ class Model:
         held = self._bottom[self._bottom < len(residual)]
         return float(self.comm.allreduce(float(residual[held, 2].sum()), op=MPI.SUM))
 
-    def tangent(self) -> None:
-        """Assemble the second derivative of the total potential into ``matrix``; identity in constrained rows."""
-        self.matrix.zeroEntries()
-        if self.is_mixed:
-            compat.assemble_block_matrix(self.matrix, self._tangent, self.bcs)
+    def tangent(self, stores: bool = True) -> None:
+        """Assemble the second derivative of the total potential into ``matrix``; identity in constrained rows.
+
+        ``stores``: keep a copy of the part that is constant at small strain, which needs as much memory as the matrix.
+        """
+        matrix, assemble = self.matrix, dolfinx.fem.petsc.assemble_matrix
+        if self._constant is not None:
+            self._constant.copy(matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
         else:
-            dolfinx.fem.petsc.assemble_matrix(self.matrix, self._tangent[0][0], self.bcs)
-        self.matrix.assemble()
+            matrix.zeroEntries()
+            if self.is_mixed:
+                compat.assemble_block_matrix(matrix, self._tangent, self.bcs)
+            else:
+                assemble(matrix, self._tangent[0][0], self.bcs)
+            matrix.assemble()
+            self._constant = matrix.duplicate(copy=True) if self._pressed and stores else None
+        for form in self._pressed:
+            assemble(matrix, form, self.bcs)
+            matrix.assemble()
 
     def action(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Multiply the second derivative of the total potential with x, zero in constrained rows, into y."""

@@ -217,7 +217,7 @@ class NewtonSolver:
 
     def _renew(self, x: PETSc.Vec) -> None:
         self._set(x)
-        self.model.tangent()
+        self.model.tangent(stores=self.choice.direct)
         self.effort.tangents += 1
         self._keeps = True
         self.system.linearise(is_old=False)

@@ -18,6 +18,7 @@ from finite_strain.equilibrium.solver_options import choose, given_in, solver_no
 from linear_bem import Elastic, InvalidProblem, Load, NotConverged
 from tests.finite_strain.scenes import (
     COARSER,
+    at_small_strain,
     coarse_plan,
     coarse_rig,
     in_form,
@@ -274,6 +275,23 @@ def test_a_system_on_which_the_direct_solver_fails_too_is_reported(
     rig = rig_of(pair(0.05, poisson=0.3), tmp_path, "one")
     with pytest.raises(NotConverged, match="DIVERGED_LINEAR_SOLVE"):
         rig.press()
+
+
+@pytest.mark.parametrize("limit", ["1e9", "0"])
+def test_factors_at_small_strain_keep_the_constant_part_of_the_tangent_and_multigrid_does_not(
+    limit: str, tmp_path: Path, options: Callable[[str, str], None]
+) -> None:
+    options("direct_up_to", limit)
+    rig = coarse_rig(coarse_plan(at_small_strain(pair(0.1, poisson=0.3)), "small_strain", numerics=COARSER), tmp_path)
+    rig.press(PATH)
+    stored = rig.model._constant
+    assert (stored is None) == (limit == "0")
+    rig.model.tangent(stores=False)
+    once = rig.model.matrix.copy()
+    rig.model.tangent(stores=True)  # from now on from the copy
+    rig.model.tangent()
+    once.axpy(-1.0, rig.model.matrix)
+    assert once.norm() < 1e-14 * rig.model.matrix.norm()
 
 
 def test_an_open_solver_leaves_the_users_options_alone_in_the_database(
