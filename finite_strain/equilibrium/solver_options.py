@@ -73,7 +73,9 @@ FIELD_SPLIT = {
     f"{DISPLACEMENT}ksp_type": "preonly",
     **{f"fieldsplit_pressure_{key}": value for key, value in PRESSURE.items()},
 }
-"""Upper block triangle for the mixed form [Elman Silvester Wathen 2014, doi 10.1093/acprof:oso/9780199678792.001.0001].
+"""Upper block triangle for the mixed form.
+
+[Elman Silvester Wathen 2014, doi 10.1093/acprof:oso/9780199678792.001.0001]
 """
 
 
