@@ -242,24 +242,33 @@ class _Chords:
     middle: Array
     half: Array
     coefficients: Array
+    start: tuple[Array, Array]
 
     @classmethod
     def through(cls, zones: Zone, x: Array, y: Array, cos: Array, sin: Array) -> _Chords:
         """Return the chords through points (zones, points, 1) in some directions."""
         middle = -(x * cos + y * sin)
         half = np.sqrt(np.maximum(middle**2 + 1.02**2 - x * x - y * y, 1e-4))
-        nodes, powers = _chord_rule(zones.degree)
+        nodes, chebyshev, powers = _chord_rule(zones.degree)
         t = middle + half * nodes[:, None, None, None]
         values = horner(zones.powers(2), x + t * cos, y + t * sin)
-        return cls(middle, half, np.tensordot(powers, values, 1))
+        c0, c1, c2 = np.tensordot(chebyshev, values, 1)
+        # the best parabola, c0 + c1 u + c2 (2 u^2 - 1), has its roots close to the chord's ends
+        root = c1 * c1 - 8.0 * c2 * (c0 - c2)
+        hopeful = (c2 < 0.0) & (root > 0.0)
+        root, c2 = np.sqrt(np.where(hopeful, root, 0.0)), np.where(hopeful, 4.0 * c2, -1.0)
+        ends = [np.where(hopeful, (-c1 + sign * root) / c2, -sign) for sign in (-1.0, 1.0)]
+        trusted = [np.where(np.abs(u - end) * half < 0.2, u, end) for u, end in zip(ends, (1.0, -1.0), strict=True)]
+        return cls(middle, half, np.tensordot(powers, values, 1), (trusted[0], trusted[1]))
 
-    def ends(self) -> list[Array]:
+    def ends(self) -> tuple[Array, Array]:
         """Return the distances from the points to the edge, ahead and back."""
+        floor = -1e-6 * np.max(np.abs(self.coefficients), axis=0)
         back = self.coefficients.copy()
         back[1::2] *= -1.0  # P along the opposite direction
-        start, floor = np.ones_like(self.half), -1e-6 * np.max(np.abs(back), axis=0)
-        found = [self.half * descent_to_zero(p, start, floor) for p in (self.coefficients, back)]
-        return [np.maximum(found[0] + self.middle, 1e-12), np.maximum(found[1] - self.middle, 1e-12)]
+        ahead = self.middle + self.half * descent_to_zero(self.coefficients, self.start[0], floor)
+        behind = -self.middle + self.half * descent_to_zero(back, -self.start[1], floor)
+        return np.maximum(ahead, 1e-12), np.maximum(behind, 1e-12)
 
     def squared_pressure(self, t: Array) -> Array:
         """Return P at distances t, shape (zones, points, chords, distances)."""
@@ -272,7 +281,9 @@ class _Chords:
 
 
 @lru_cache(maxsize=16)
-def _chord_rule(degree: int) -> tuple[Array, Array]:
-    """Return nodes on [-1, 1], and the matrix from values there to powers."""
+def _chord_rule(degree: int) -> tuple[Array, Array, Array]:
+    """Return nodes on [-1, 1], and matrices from values to the Chebyshev coefficients up to 2 and to powers."""
     nodes = np.cos((np.arange(degree + 1) + 0.5) * np.pi / (degree + 1))
-    return nodes, np.linalg.inv(np.polynomial.polynomial.polyvander(nodes, degree))
+    inverse = np.linalg.inv(np.polynomial.chebyshev.chebvander(nodes, degree))
+    powers = np.linalg.inv(np.polynomial.polynomial.polyvander(nodes, degree))
+    return nodes, inverse[:3], powers
