@@ -153,6 +153,7 @@ class DirectSums:
         self.fine = Nodes.of(nodes.zone, FINE)
         self.fine_loads = self.fine.loads
         self._loads: dict[int, tuple[Array, Array]] = {}
+        self._felt: dict[tuple[int, float], tuple[list[tuple[int, Array]], Indices]] = {}
 
     def _sources(self, degree: int) -> tuple[Array, Array]:
         """Return positions (contacts, 2, nodes) [m] and equivalent loads of a degree."""
@@ -177,16 +178,30 @@ class DirectSums:
         left[i] = False
         return out, np.flatnonzero(left)
 
-    def displacement(self, i: int, x: Array, y: Array, own: bool = True) -> Array:
-        """Return the displacement [m] at points about contact i, with its own share or without."""
+    def _far(self, i: int, spread: float) -> tuple[list[tuple[int, Array]], Indices]:
+        """Return the far contacts' displacement [m] at the nodes of each degree about contact i, and the near ones."""
+        if (i, spread) not in self._felt:
+            by_degree, near = self._degrees(i, spread)
+            felt = []
+            for d, chosen in by_degree:
+                u, v, _ = disc_nodes(d)
+                at, loads = self._sources(d)
+                x, y = self.centres[i][:, None] + spread * np.stack([u, v])
+                felt.append((d, point_displacement(self.kernel, x, y, at[chosen, 0], at[chosen, 1], loads[chosen])))
+            self._felt[i, spread] = felt, near
+        return self._felt[i, spread]
+
+    def displacement(self, i: int, x: Array, y: Array, own: bool = True, spread: float | None = None) -> Array:
+        """Return the displacement [m] at points about contact i, with its own share or without.
+
+        ``spread`` [m], by default their largest distance from its centre, is known to points that are asked in parts.
+        """
         centre = self.centres[i]
-        spread = float(np.max(np.hypot(x - centre[0], y - centre[1])))
-        by_degree, near = self._degrees(i, spread)
+        if spread is None:
+            spread = float(np.max(np.hypot(x - centre[0], y - centre[1])))
+        felt, near = self._far(i, spread)
         total = np.zeros(len(x))
-        for d, chosen in by_degree:
-            at, loads = self._sources(d)
-            at_x, at_y = centre[:, None] + spread * np.stack(disc_nodes(d)[:2])
-            values = point_displacement(self.kernel, at_x, at_y, at[chosen, 0], at[chosen, 1], loads[chosen])
+        for d, values in felt:
             total += interpolation((x - centre[0]) / spread, (y - centre[1]) / spread, d) @ values
         for j in near:
             if np.hypot(*(self.centres[j] - centre)) > 2.5 * self.size[j] + spread:
