@@ -73,7 +73,8 @@ def sweep_zones(
     rule = Rule.of(zones, kernel.thickness)
     nodes = Nodes.of(zones, rule)
     said = seldom(report, f"degree {zones.degree}: ")
-    interaction = None if apart else Interaction(kernel, nodes, pair_precision or tolerance, said)
+    alone = apart or (len(zones) == 1 and kernel.cell is None)
+    interaction = None if alone else Interaction(kernel, nodes, pair_precision or tolerance, said)
     influence: Influence = np.zeros((len(zones), len(zones))) if interaction is None else interaction.influence
     images = 0.0
     if interaction is not None and kernel.cell is not None and kernel.far_ratio > 1.0:

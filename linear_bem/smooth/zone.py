@@ -126,9 +126,16 @@ class Zone:
         return self._edge(along_rays(self.powers(1), cos, sin))
 
     def _edge(self, along: list[Array]) -> Array:
-        """Return `edge` of rays along which P has these coefficients in powers of the distance."""
-        start, floor = np.full(along[0].shape, 1.02), -1e-6 * np.abs(self.coefficients[..., :1])
-        return np.maximum(descent_to_zero(along, start, floor), 1e-12)
+        """Return `edge` of rays along which P has these coefficients in powers of the distance.
+
+        Newton's method starts from a root of the first three terms, for P of degree 2 the edge, where it is near 1.
+        """
+        c, b, a = along[:3]
+        root = b * b - 4.0 * a * c
+        hopeful = (a < 0.0) & (root > 0.0)
+        quadratic = np.where(hopeful, b + np.sqrt(np.where(hopeful, root, 1.0)), 0.0) / np.where(hopeful, -2.0 * a, 1.0)
+        start = np.where(np.abs(quadratic - 1.02) < 0.1, quadratic, 1.02)
+        return np.maximum(descent_to_zero(along, start, -1e-6 * np.abs(self.coefficients[..., :1])), 1e-12)
 
     def outline(self, count: int = 64) -> tuple[Array, Array]:
         """Return points x, y [m] of the contact's edge."""
