@@ -21,6 +21,7 @@ from linear_bem.profiles import curvature, height, is_ball, mean_height
 from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.contacts import SmoothContacts
 from linear_bem.smooth.many_balls import sweep_zones
+from linear_bem.smooth.newton import solve_zones
 from linear_bem.smooth.polynomials import PARABOLA
 from linear_bem.smooth.zone import Zone, stacked
 
@@ -28,9 +29,8 @@ ROUGHEST = 1.5
 """Largest contact radius over layer thickness at which polynomials are used."""
 SHARP = 3.0
 """Largest contact radius of a cone over tan(slope) R, R the radius of its tip, at which polynomials are used."""
-DENSE, EXACT, SHARPEST = 4, 1e-300, 1e-9
-"""Largest number of balls whose pairs use all quadrature points; the precision of pairs that stands for this, and the
-smallest tolerance of sweeps there."""
+DENSE = 4
+"""Largest number of balls in one dense Newton system; more balls are solved by sweeps."""
 GUESSED = 1e-5
 """Relative residual of the point-load estimate from which solvers start."""
 ALONE = 0.5
@@ -160,8 +160,9 @@ def solve_smooth(
 ) -> SmoothContacts:
     """Return the contacts of the balls that touch in ``start``, at one degree of p^2.
 
-    ``precision``, ``pair_precision`` and ``report`` go to `sweep_zones`. Up to `DENSE` balls not in a periodic cell are
-    solved to at most `SHARPEST`, with all pairs exact. Raises `NotConverged`.
+    ``precision`` bounds the last relative change of forces and approaches in sweeps (more than `DENSE` balls), else the
+    last relative step of the pressure's coefficients (not below 1e-9). ``pair_precision`` and ``report`` go to
+    `sweep_zones`. Raises `NotConverged`.
     """
     problem, kernel, touching = start.problem, start.kernel, list(start.touching)
     if any(_peaked(problem.balls[i], zone) for i, zone in zip(touching, start.zones, strict=True)):
@@ -178,9 +179,11 @@ def solve_smooth(
             f"more than {ROUGHEST:g}; press the balls less deep"
         )
     shapes, approaches = [height(problem.balls[i]) for i in touching], start.approaches.copy()
-    dense = len(touching) <= DENSE and kernel.cell is None
-    accuracy = (max(precision, SHARPEST), EXACT) if dense else (precision, pair_precision)
-    smooth = sweep_zones(kernel, shapes, zones, approaches[touching], groups, *accuracy, report)
+    given = kernel, shapes, zones, approaches[touching], groups
+    if len(touching) > DENSE or kernel.cell is not None:
+        smooth = sweep_zones(*given, precision, pair_precision, report)
+    else:
+        smooth = solve_zones(*given, max(precision, 1e-9))
     approaches[touching] = smooth.approaches
     if problem.load.kind == "total_force":
         approaches[:] = smooth.approaches[0]

@@ -1,4 +1,4 @@
-r"""Smooth contacts: each ball is solved alone under fixed force; all together give forces and approaches.
+r"""Many smooth contacts: each ball is solved alone under fixed force; all together give forces and approaches.
 
 Under a fixed force, neighbours act on a ball only through the tilt and curvature of the surface that they cause, which
 is a weak coupling; the coupling through its approach is strong. So each sweep computes (1) the displacement from all
@@ -25,17 +25,15 @@ from linear_bem.load_control import Groups
 from linear_bem.profiles import Height
 from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.multipole import Interaction
-from linear_bem.smooth.newton import Nodes, Rule, SmoothSolution
+from linear_bem.smooth.newton import SETTLED, Nodes, Rule, SmoothSolution, stalled
 from linear_bem.smooth.own_equations import RENEWED, OwnEquations
 from linear_bem.smooth.polynomials import basis, disc_nodes
 from linear_bem.smooth.zone import Zone
 
 SLOW, DEPTH = 0.2, 10
 """Ratio of successive changes above which sweeps are accelerated, and number of past sweeps that are combined."""
-LIMIT, STALLED = 60, 1e-3
-"""Largest number of sweeps; largest last change of an unconverged state that may start the next degree."""
-SETTLED = 1e-3
-"""Relative change of P up to which its frame is kept."""
+LIMIT = 60
+"""Largest number of sweeps."""
 HOPELESS, PATIENCE = 0.03, 10
 """Sweeps stop if their change stays above the first number and is not halved by the second number of further sweeps:
 at that rate they would not converge within any limit."""
@@ -63,18 +61,17 @@ def sweep_zones(
     report: Report = silent,
     apart: bool = False,
 ) -> SmoothSolution:
-    """Return the contact state, at which the complementary energy is stationary.
+    """Return the same state as `linear_bem.smooth.newton.solve_zones`, for many balls.
 
-    Balls in no group of ``groups`` keep their approach. ``tolerance`` bounds the last change of forces, approaches and
-    coefficients; a change that is `stalled` is returned as the residual. ``pair_precision`` is that of `Interaction`,
-    by default the tolerance; ``report`` receives a line per sweep. Zones that are ``apart`` do not act on each other.
-    Raises `Lost` if a ball loses its contact, and `NotConverged`.
+    ``tolerance`` bounds the last change of forces, approaches and coefficients; a change that is `stalled` is returned
+    as the residual. ``pair_precision`` is that of `Interaction`, by default the tolerance; ``report`` receives a line
+    per sweep. Zones that are ``apart`` do not act on each other. Raises `Lost` if a ball loses its contact, and
+    `NotConverged`.
     """
     rule = Rule.of(zones, kernel.thickness)
     nodes = Nodes.of(zones, rule)
     said = seldom(report, f"degree {zones.degree}: ")
-    alone = apart or (len(zones) == 1 and kernel.cell is None)
-    interaction = None if alone else Interaction(kernel, nodes, pair_precision or tolerance, said)
+    interaction = None if apart else Interaction(kernel, nodes, pair_precision or tolerance, said)
     influence: Influence = np.zeros((len(zones), len(zones))) if interaction is None else interaction.influence
     images = 0.0
     if interaction is not None and kernel.cell is not None and kernel.far_ratio > 1.0:
@@ -144,15 +141,6 @@ def sweep_zones(
         f"smooth contacts: {LIMIT} sweeps left a change of {last:.1e}, tolerance {tolerance:.1e}; press the balls "
         "less deep"
     )
-
-
-def stalled(history: list[float]) -> bool:
-    """Return whether a small change no longer shrinks.
-
-    The derivative neglects that the test functions move with the edge. The convergence rate is therefore of the size of
-    the remaining gap: a degree too low for the pressure slows the sweeps; the next degree leaves a smaller gap.
-    """
-    return len(history) > 10 and history[-1] < STALLED and history[-1] > 0.3 * max(history[-4:-1])
 
 
 def _moved(zones: Zone, change: Array, reframe: Mask) -> Zone:

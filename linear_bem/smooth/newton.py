@@ -1,4 +1,4 @@
-r"""The equations of smooth contacts: every ball's p^2 is a polynomial, whose zero line is the contact's edge.
+r"""Newton's method for smooth contacts: every ball's p^2 is a polynomial, whose zero line is the contact's edge.
 
 The unknowns are the coefficients of P_i (p_i = sqrt(P_i), see `linear_bem.smooth.zone`) and, where forces are
 given, the approaches. The equations are stationarity of the complementary energy
@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -24,8 +25,16 @@ from linear_bem.arrays import Array, Indices, Mask, hypotenuse
 from linear_bem.errors import NotConverged
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
+from linear_bem.profiles import Height
 from linear_bem.smooth.polynomials import basis
 from linear_bem.smooth.zone import Zone, stacked
+
+DIVERGED = 1e6
+"""Relative step of the coefficients, or growth of the approaches, that counts as divergence."""
+STALLED, LIMIT = 1e-3, 25
+"""Largest last change of an unconverged state that may start the next degree; largest number of steps."""
+SETTLED = 1e-3
+"""Relative change of P up to which its frame, and the matrix of Newton's method with few balls, are kept."""
 
 
 @dataclass(frozen=True)
@@ -128,17 +137,82 @@ class SmoothSolution:
     residual: float
 
 
-def own_displacement(kernel: LayeredKernel, n: Nodes, rule: Rule) -> tuple[Array, Array]:
+def own_displacement(kernel: LayeredKernel, n: Nodes, rule: Rule, renew: bool = True) -> tuple[Array, Array]:
     """Return every zone's own displacement [m] at its nodes, and its derivative by the coefficients.
 
-    Shapes (zones, nodes) and (zones, nodes, terms).
+    Shapes (zones, nodes) and (zones, nodes, terms); without ``renew`` the latter has no terms.
     """
-    w, derivative = n.zone.half_space(n.xi, n.eta, rule.directions, rule.along)
+    w, derivative = n.zone.half_space(n.xi, n.eta, rule.directions, rule.along, renew)
     if kernel.homogeneous:
         return w, derivative
     r = hypotenuse(n.x[:, :, None] - n.x[:, None, :], n.y[:, :, None] - n.y[:, None, :])
     smooth = kernel.smooth(r) * n.weights[:, None, :]
-    return w + (smooth @ n.pressure[..., None])[..., 0], derivative + smooth @ n.variations
+    return w + (smooth @ n.pressure[..., None])[..., 0], derivative + smooth @ n.variations[..., : derivative.shape[-1]]
+
+
+def _displacements(kernel: LayeredKernel, n: Nodes, rule: Rule, renew: bool) -> tuple[Array, Array]:
+    """Return K p at every zone's nodes, and its derivatives by the coefficients, (zones, zones, nodes, terms).
+
+    Without ``renew`` the derivatives have no terms.
+    """
+    total, own = own_displacement(kernel, n, rule, renew)
+    count = len(n)
+    derivative = np.empty((count, count, *own.shape[1:]))
+    derivative[np.arange(count), np.arange(count)] = own
+    for i, j in combinations(range(count), 2):
+        block = kernel.scaled(hypotenuse(n.x[i][:, None] - n.x[j], n.y[i][:, None] - n.y[j]))
+        for a, b, influence in ((i, j, block), (j, i, block.T)):
+            weighted = influence * n.weights[b]
+            total[a] += weighted @ n.pressure[b]
+            derivative[a, b] = weighted @ n.variations[b][:, : own.shape[-1]]
+    return total, derivative
+
+
+def stalled(history: list[float]) -> bool:
+    """Return whether a small change no longer shrinks.
+
+    The derivative neglects that the test functions move with the edge. The convergence rate is therefore of the size of
+    the remaining gap: a degree too low for the pressure slows Newton's method; the next degree leaves a smaller gap.
+    """
+    return len(history) > 10 and history[-1] < STALLED and history[-1] > 0.3 * max(history[-4:-1])
+
+
+def solve_zones(
+    kernel: LayeredKernel, shapes: list[Height], zones: Zone, approaches: Array, groups: Groups, tolerance: float
+) -> SmoothSolution:
+    """Return the contact state, at which the complementary energy is stationary.
+
+    Balls in no group of ``groups`` keep their approach. ``tolerance`` bounds the last step of the coefficients relative
+    to P; a step that is `stalled`, or is below `STALLED` after `LIMIT` steps, is returned as the residual. Raises
+    `NotConverged`.
+    """
+    approaches = approaches.copy()
+    first = float(np.max(np.abs(approaches)))
+    step = np.inf
+    history: list[float] = []
+    blocks: Array | None = None
+    for iteration in range(LIMIT):
+        rule = Rule.of(zones, kernel.thickness)
+        nodes = Nodes.of(zones, rule)
+        history.append(step)
+        if step < tolerance or stalled(history) or (iteration == LIMIT - 1 and step < STALLED):
+            return SmoothSolution(nodes, approaches, iteration, step)
+        with np.errstate(all="ignore"):  # a diverging iteration may overflow before the loop ends
+            delta, change, blocks = _newton_step(kernel, shapes, nodes, approaches, groups, rule, blocks)
+        if not np.all(np.isfinite(delta)):
+            break
+        step = float(np.max(np.max(np.abs(delta), axis=1) / np.max(np.abs(zones.coefficients), axis=1)))
+        length = min(1.0, 0.6 / step)
+        approaches = approaches + length * change
+        zones = replace(zones, coefficients=zones.coefficients + length * delta)
+        if step > SETTLED:
+            zones, blocks = zones.reframed(zones.degree), None
+        if not max(step, float(np.max(np.abs(approaches))) / first) < DIVERGED:
+            break
+    raise NotConverged(
+        f"smooth contact: Newton's method did not converge in {LIMIT} steps (last relative step {step:.1e}, "
+        f"tolerance {tolerance:.1e})"
+    )
 
 
 def solve_scaled(matrix: Array, right: Array, size: Array) -> Array:
@@ -155,6 +229,27 @@ def solve_scaled(matrix: Array, right: Array, size: Array) -> Array:
             "the iteration; press balls less deep or closer to equal depth"
         ) from singular
     return np.asarray((solution / size[..., None]).reshape(right.shape))
+
+
+def _newton_step(
+    kernel: LayeredKernel,
+    shapes: list[Height],
+    nodes: Nodes,
+    approaches: Array,
+    groups: Groups,
+    rule: Rule,
+    blocks: Array | None,
+) -> tuple[Array, Array, Array]:
+    """Return the changes of all coefficients, shape (zones, terms), and of all approaches, and the matrix in blocks.
+
+    ``blocks`` are those of an earlier step in the same frames, which cost half of a step; None where there are none.
+    """
+    potential, derivative = _displacements(kernel, nodes, rule, blocks is None)
+    tests = nodes.tests
+    heights = np.array([f(x, y) for f, x, y in zip(shapes, nodes.x, nodes.y, strict=True)])
+    right = -np.einsum("ntk,nk->nt", tests, potential - approaches[:, None] + heights)
+    blocks = tests[:, None] @ derivative if blocks is None else blocks
+    return *solve_grouped(blocks, right, tests.sum(axis=2), nodes.forces, groups), blocks
 
 
 def solve_grouped(blocks: Array, right: Array, totals: Array, forces: Array, groups: Groups) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from linear_bem import Ball, Layer, Load, Problem, sampled_solution, solve, solv
 from linear_bem.errors import InvalidProblem, NotConverged
 from linear_bem.problem import Periodic
 from linear_bem.sampled_solution import sample_error
-from linear_bem.smooth.many_balls import sweep_zones
+from linear_bem.smooth.newton import solve_zones
 from tests.linear_bem.sampled_scenes import errors, forces, scattered, scene
 
 
@@ -78,7 +78,7 @@ def test_balls_of_the_sample_solved_together_are_those_solved_one_by_one(monkeyp
         assert apart
         if len(zones) > 1:
             raise NotConverged("together")
-        return sweep_zones(kernel, shapes, zones, approaches, groups, 1e-8)
+        return solve_zones(kernel, shapes, zones, approaches, groups, 1e-8)
 
     contacts = solve_contact(scene(load, "elastic base", 110), 1e-3).contacts
     together = sample_error(contacts)
