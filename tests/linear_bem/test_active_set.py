@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 
-from linear_bem import Elastic, Layer, solve_height_field
+from linear_bem import Elastic, Layer, LayeredKernel, solve_height_field
+from linear_bem.grid.patches import Patch, Patches
+from linear_bem.grid.polonsky_keer import solve_bounded
 
 
 def film(count):
@@ -35,3 +38,23 @@ def test_complete_contact_is_solved_while_it_is_held(monkeypatch):
     contact = solve_height_field(layer, base, heights, 1.0 / 32, periodic=True, normal_force=5.0)
     assert contact.contact_area == pytest.approx(1.0)
     assert contact.gap_in_contact < 1e-8
+
+
+@pytest.mark.parametrize("patience", [-1, 10**6], ids=["held", "free"])
+@pytest.mark.parametrize("force", [None, 0.3], ids=["approach", "force"])
+def test_pressures_are_those_of_non_negative_least_squares(patience, force, monkeypatch):
+    """At an approach D, p minimises p K p/2 - p (D - f) over p >= 0, cell by cell."""
+    monkeypatch.setattr("linear_bem.grid.polonsky_keer.HOPELESS", patience)
+    _, base, heights, cell = film(20)
+    kernel = LayeredKernel(Layer(30.0, 0.3, 0.05), base)
+    patch = Patch(kernel, (0.0, 0.0), cell, 20, 20, (0,))
+    groups = [] if force is None else [([0], force * kernel.singular)]
+    start, first = np.maximum(0.3 - heights, 0.0), np.array([0.3])
+    state = solve_bounded(Patches(kernel, [patch]), [heights[None]], [start], first, groups, 1e-11)
+    matrix = np.array([patch.displacement(unit.reshape(20, 20)).ravel() for unit in np.eye(400)])
+    root = np.linalg.cholesky(matrix)
+    pressure = nnls(root.T, np.linalg.solve(root, state.approaches[0] - heights.ravel()))[0]
+    assert 0.1 < np.mean(pressure > 0.0) < 0.5
+    assert state.pressures[0].ravel() == pytest.approx(pressure, abs=1e-7 * np.max(pressure))
+    if force is not None:
+        assert np.sum(pressure) * cell**2 == pytest.approx(force * kernel.singular, rel=1e-8)
