@@ -117,7 +117,7 @@ class Cells:
         for the same approach. Then z and the changes d of the approaches solve K p - D = r with M for K's inverse,
         z = M (r - sum_g d_g 1_g) and <1_g, z> = 0; then <r, z> >= 0 by Schwarz's inequality, for any approaches.
         """
-        masks = self.groups_within(contact, owner)
+        masks = [mine for mine in self.groups_within(contact, owner) if np.any(mine)]
         z = self.precondition(residual, contact)
         if any(np.ptp(self.area[mine]) > 0.0 for mine in masks):
             responses = [self.precondition(mine.astype(float), contact) for mine in masks]

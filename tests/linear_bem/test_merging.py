@@ -8,8 +8,22 @@ import numpy as np
 import pytest
 from scipy.special import gamma
 
-from linear_bem import Ball, Cone, Elastic, InvalidProblem, Layer, Load, Problem, Punch, solve, solve_contact
+from linear_bem import (
+    Ball,
+    Cone,
+    Elastic,
+    InvalidProblem,
+    Layer,
+    LayeredKernel,
+    Load,
+    Problem,
+    Punch,
+    solve,
+    solve_contact,
+)
+from linear_bem.grid.cells import Cells
 from linear_bem.grid.contacts import GridContacts
+from linear_bem.grid.patches import Patch, Patches
 from linear_bem.lifted_balls import rest
 
 
@@ -38,6 +52,17 @@ def test_contacts_that_merge_far_beyond_polynomials_go_to_a_grid(force):
     left, right = solution.result().balls
     assert left.tangential_force[0] == pytest.approx(left.tangential_force_routes["slope"][0], rel=1e-2)
     assert left.tangential_force[0] == pytest.approx(-right.tangential_force[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("cell", [0.1, 0.2])
+def test_a_ball_whose_cells_all_go_to_others_during_the_iteration_does_not_end_it(cell):
+    kernel = LayeredKernel(Layer(1.0, 0.3, 1.0))
+    patches = [Patch(kernel, (4.0 * k, 0.0), side, 8, 8, (k,)) for k, side in enumerate((0.1, cell))]
+    cells = Cells(Patches(kernel, patches), [np.zeros((1, 8, 8))] * 2, [([0, 1], 1.0), ([2], 1.0)], 3)
+    contact, residual = np.ones(128, dtype=bool), np.sin(np.arange(128.0))
+    z, slope = cells.descent(residual, contact, np.repeat([0, 1], 64))
+    assert slope > 0.0
+    assert np.sum(z * cells.area) == pytest.approx(0.0, abs=1e-10 * np.max(np.abs(z)))
 
 
 def test_a_custom_ball_that_lifts_on_a_grid_has_no_force():
