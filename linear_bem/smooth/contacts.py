@@ -64,7 +64,7 @@ class SmoothContacts:
 
     @property
     def iterations(self) -> int:
-        """Sweeps taken."""
+        """Newton steps or sweeps taken."""
         return self.smooth.iterations
 
     @cached_property

@@ -1,4 +1,4 @@
-"""One Newton step of every ball alone under a given force, for all balls at once.
+"""One Newton step of every ball alone under a given force, for many balls at once.
 
 The matrix of a ball's equations depends weakly on its pressure: it is recomputed only after a large change (a modified
 Newton method), because the right side alone is several times cheaper.
