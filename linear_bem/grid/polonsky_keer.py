@@ -26,7 +26,7 @@ from linear_bem.report import Report, silent
 
 HOPELESS = 60
 """Steps without progress after which the contact is held."""
-WITHIN = 0.1
+WITHIN = 0.3
 """Gap at which a held contact changes, over the tolerance or, if that is more, over the penetration."""
 STEPS = 3600
 """Largest number of steps."""
