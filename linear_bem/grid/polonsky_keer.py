@@ -8,9 +8,9 @@ unknown approach. A projection of the search direction keeps the forces; for cel
 penetration outside, relative to the largest approach, are both below the tolerance.
 
 The contact changes at every step. Where the pressure peaks at the edge, under stiff films, steps may gain and lose the
-same cells indefinitely. Then the contact is held until it is solved; cells under tension leave it, cells that penetrate
-enter it: a primal-dual active set [Hintermueller, Ito and Kunisch 2002, SIAM J. Optim. 13, 865, doi
-10.1137/S1052623401383558].
+same cells indefinitely. Then steps that follow a change of the contact are shortened, and, if this does not help, the
+contact is held until it is solved; cells under tension leave it, cells that penetrate enter it: a primal-dual active
+set [Hintermueller, Ito and Kunisch 2002, SIAM J. Optim. 13, 865, doi 10.1137/S1052623401383558].
 """
 
 from collections.abc import Sequence
@@ -24,8 +24,8 @@ from linear_bem.grid.patches import Patches
 from linear_bem.load_control import Groups, deepest
 from linear_bem.report import Report, silent
 
-HOPELESS = 60
-"""Steps without progress after which the contact is held."""
+PATIENCE, HOPELESS = 20, 60
+"""Steps without progress after which steps are shortened, and after which the contact is held."""
 WITHIN = 0.3
 """Gap at which a held contact changes, over the tolerance or, if that is more, over the penetration."""
 STEPS = 3600
@@ -55,7 +55,7 @@ def solve_bounded(
     w = cells.apply(p)
     direction, old, restart = np.zeros_like(p), 1.0, True
     held: Mask | None = None
-    best, improved = np.inf, 0
+    best, improved, shortened, length = np.inf, 0, 0, 1.0
     for iteration in range(STEPS):
         contact = p > 0.0 if held is None else held
         for _ in range(2):
@@ -76,9 +76,11 @@ def solve_bounded(
             w = cells.apply(p)
             continue
         if gap_inside < 0.9 * best:
-            best, improved = gap_inside, iteration
+            best, improved, shortened = gap_inside, iteration, iteration
         if held is None and iteration - improved > HOPELESS:
-            held, restart = contact, True
+            held, restart, length = contact, True, 1.0
+        elif held is None and restart and iteration - shortened > PATIENCE:
+            shortened, length = iteration, max(0.5 * length, 0.05)
         if held is not None and gap_inside < WITHIN * max(tolerance, penetration):
             held = (contact & (p > 0.0)) | (~contact & (gap < -tolerance * scale))
             p, restart = cells.with_prescribed_forces(np.where(held, np.maximum(p, 0.0), 0.0), owner), True
@@ -98,13 +100,14 @@ def solve_bounded(
                 f"and a penetration of {penetration:.1e} of the approach, tolerance {tolerance:.1e}: roundoff exceeds "
                 "the tolerance; take a smaller load, a thicker film or a lower E1/E2"
             )
-        step = float(residual @ (direction * cells.area)) / curvature if curvature > 0.0 else 0.0
+        descent = float(residual @ (direction * cells.area)) / curvature if curvature > 0.0 else 0.0
+        step = (length if restart else 1.0) * descent
         p = p - step * direction
         restart = False
         if held is None:
             lost, gained = contact & (p <= 0.0), ~contact & (gap < -0.5 * tolerance * scale)
             p[p < 0.0] = 0.0
-            p[gained] = -0.5 * gap[gained] / cells.diagonal[gained]
+            p[gained] = -0.5 * length * gap[gained] / cells.diagonal[gained]
             restart = bool(np.any(lost) or np.any(gained))
         before = p
         p = cells.with_prescribed_forces(p, owner)
