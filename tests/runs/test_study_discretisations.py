@@ -26,7 +26,7 @@ def step(order: int, paired: float, alone: float, error: float) -> dict[str, Any
 @pytest.mark.parametrize("name", SCENES)
 def test_every_scene_has_a_plan_whose_sizes_grow_along_the_levels(name: str) -> None:
     plan = plan_run(SCENES[name], 0.02, "finite_strain")
-    sizes = [plan.unknowns(level) for level in LEVELS]
+    sizes = [plan.unknowns(level.discretisation()) for level in LEVELS]
     assert sizes[0] < sizes[1]
     assert sizes[0] < sizes[2] < sizes[3] < 2e5
 

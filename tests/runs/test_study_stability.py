@@ -57,7 +57,7 @@ def test_the_matrix_holds_what_the_question_asks() -> None:
 def test_bad_meshes_are_what_they_are_called() -> None:
     chosen = {c.name: c for c in cases(quick=False) if c.model == "finite_strain"}
     usual, graded = chosen["usual-finite-strain"], chosen["badly-graded-finite-strain"]
-    level = Level()
+    level = Level().discretisation()
 
     def growth(case: Case) -> float:
         numerics = Numerics(**case.numerics)

@@ -1,4 +1,8 @@
-"""A case on a fixed list of discretisations (levels); the load steps of each are kept as separate answers."""
+"""A case on a fixed list of discretisations (levels); the load steps of each are kept as separate answers.
+
+The mesh may be moved with the balls: then the energies of two runs differ only by the effect of the distance, because
+the mesh error cancels.
+"""
 
 from __future__ import annotations
 
@@ -9,28 +13,25 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from finite_strain import Numerics
-from finite_strain.geometry.symmetry import reduce_scene
-from finite_strain.observer import Silence
-from finite_strain.planning.records import Discretisation, Record, Row
-from finite_strain.planning.run_plan import RunPlan, plan_run
 from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
 from linear_bem.problem import Problem
 from linear_bem.result import BallResult, Result, Solved, Step
-from meshes.box import Zone
 from runs.models import Run
 from runs.studies.framework.case import Case
 
 if TYPE_CHECKING:
     from finite_strain.discretisation.checkpoint import Snapshot
-    from finite_strain.discretisation.discrete_model import Meshed
     from finite_strain.equilibrium.load_path import State, StepRecord
     from finite_strain.one_discretisation import ModelRun
+    from finite_strain.planning.records import Discretisation, Record
+    from finite_strain.planning.run_plan import RunPlan
+    from meshes.box import Zone
 
 STILL = 0.7
 """Fraction of a mesh block's half-width about the ball's axis within which the mesh moves rigidly with the ball."""
@@ -39,11 +40,19 @@ Seen = dict[tuple[str, float], "Snapshot"]
 
 
 @dataclass(frozen=True)
-class Level(Discretisation):
-    """A discretisation, by default of order 3 and fineness 1."""
+class Level:
+    """A discretisation without the solver; see `finite_strain.planning.records.Discretisation`."""
 
     order: int = 3
     fineness: float = 1.0
+    extent: float = 1.0
+    penalty: float = 1.0
+
+    def discretisation(self) -> Discretisation:
+        """Return the discretisation as the solver's record."""
+        from finite_strain.planning.records import Discretisation  # noqa: PLC0415
+
+        return Discretisation(**dataclasses.asdict(self))
 
 
 @dataclass(frozen=True)
@@ -66,22 +75,23 @@ class LevelCase(Case):
 
     def solve(self, run: Run) -> Result:
         """Solve the load path on every level (collective)."""
-        from finite_strain import compat  # noqa: PLC0415  (imports DOLFINx, like all below)
+        from finite_strain import Numerics, compat  # noqa: PLC0415  (finite-element cases only)
         from finite_strain.mpi import working_folder  # noqa: PLC0415
-        from finite_strain.one_discretisation import mesh_box  # noqa: PLC0415
+        from finite_strain.planning.records import Record  # noqa: PLC0415
+        from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
         plan = plan_run(self.problem, self.accuracy, self.model, steps=run.steps, numerics=Numerics(**run.numerics))
-        records = [Record(level) for level in self.levels]
+        records = [Record(level.discretisation()) for level in self.levels]
         steps: list[Step] = []
         seen: Seen = {}
         with working_folder(run.folder, run.comm) as folder:
             for number, record in enumerate(records):
-                meshed = mesh_box(plan.box(record.level), folder / f"mesh_{number}.msh", run.comm)
+                file = folder / f"mesh_{number}.msh"
                 if self.shift:
-                    steps += _moved(plan, record, self.shift, meshed, run)
+                    steps += _moved(plan, record, self.shift, file, run)
                 else:
                     before = records[max(number - 1, 0)]
-                    steps += _answered(plan, record, before, seen, meshed, run, self.incomplete)
+                    steps += _answered(plan, record, before, seen, file, run, self.incomplete)
         details = [step.record for step in steps]
         solved = Solved(
             True, sum(d["iterations"] for d in details), max(d["unknowns"] for d in details),
@@ -91,15 +101,17 @@ class LevelCase(Case):
 
 
 def _answered(
-    plan: RunPlan, record: Record, before: Record, seen: Seen, meshed: Meshed, run: Run, incomplete: bool
+    plan: RunPlan, record: Record, before: Record, seen: Seen, file: Path, run: Run, incomplete: bool
 ) -> list[Step]:
     """Return the answers on one discretisation, with the small-strain pair as in a full run (collective)."""
     from finite_strain.accuracy.answer import Answers  # noqa: PLC0415
     from finite_strain.equilibrium.newton import Effort  # noqa: PLC0415
     from finite_strain.mpi import on_root  # noqa: PLC0415
+    from finite_strain.observer import Silence  # noqa: PLC0415
     from finite_strain.one_discretisation import MeshRun  # noqa: PLC0415
+    from finite_strain.planning.records import Row  # noqa: PLC0415
 
-    mesh = MeshRun(plan, record.level, meshed, run.comm, run.observer or Silence(), str(record.level))
+    mesh = MeshRun(plan, record.level, file, run.comm, run.observer or Silence(), str(record.level))
     answers = Answers(plan, [before, record])
     steps: list[Step] = []
     began = time.monotonic()
@@ -140,17 +152,18 @@ def _along(run: ModelRun, model: str, seen: Seen, fractions: Any) -> Iterator[St
         yield done
 
 
-def _moved(plan: RunPlan, record: Record, shift: float, meshed: Meshed, run: Run) -> list[Step]:
-    """Return energies and normal forces on a mesh moved with the balls; T is not computed (collective).
+def _moved(plan: RunPlan, record: Record, shift: float, file: Path, run: Run) -> list[Step]:
+    """Return energies and normal forces on a mesh moved with the balls; T is not computed (collective)."""
+    from finite_strain.geometry.symmetry import reduce_scene  # noqa: PLC0415
+    from finite_strain.observer import Silence  # noqa: PLC0415
+    from finite_strain.one_discretisation import ModelRun, mesh_box  # noqa: PLC0415
 
-    The energies of two runs then differ only by the effect of the distance, because the mesh error cancels.
-    """
-    from finite_strain.one_discretisation import ModelRun  # noqa: PLC0415
-
-    box, problem = plan.box(record.level), moved(plan.problem, shift)
+    box = plan.box(record.level)
+    problem = moved(plan.problem, shift)
+    shifted = dataclasses.replace(plan, problem=problem, reduction=reduce_scene(problem))
+    meshed = mesh_box(box, file, run.comm)
     (zone,) = box.zones  # mirrored at x = 0
     move_nodes(meshed[0].geometry.x, zone, shift)
-    shifted = dataclasses.replace(plan, problem=problem, reduction=reduce_scene(problem))
     driven = ModelRun(shifted, meshed, box, record.level, run.observer or Silence(), f"{record.level}, moved")
     steps = []
     try:

@@ -13,10 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from finite_strain.geometry.estimates import penalties
-from finite_strain.observer import Silence
-from finite_strain.planning.records import Discretisation
-from finite_strain.planning.run_plan import plan_run
 from linear_bem import Elements, Problem
 from runs.process.machine import own_memory
 from runs.studies.framework.pair import pair
@@ -59,6 +55,8 @@ def pressed(form: str, comm: MPI.Comm) -> Snapshot:
 
 def measure(form: str, target: int, state: Snapshot, comm: MPI.Comm) -> Iterator[dict[str, Any]]:
     """Yield, by solver, processor time of the slowest rank [s] and memory of all ranks, at ``state`` (collective)."""
+    from finite_strain.geometry.estimates import penalties  # noqa: PLC0415  (imports DOLFINx, like all below)
+
     forget_peak()
     before = own_memory("VmRSS")
     run = _run(form, target, comm)
@@ -76,7 +74,10 @@ def measure(form: str, target: int, state: Snapshot, comm: MPI.Comm) -> Iterator
 
 def _run(form: str, target: float, comm: MPI.Comm) -> ModelRun:
     """Return the pair on a mesh of about ``target`` unknowns (collective)."""
-    from finite_strain.one_discretisation import ModelRun, mesh_box  # noqa: PLC0415  (imports DOLFINx)
+    from finite_strain.observer import Silence  # noqa: PLC0415
+    from finite_strain.one_discretisation import ModelRun, mesh_box  # noqa: PLC0415
+    from finite_strain.planning.records import Discretisation  # noqa: PLC0415
+    from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
 
     plan = plan_run(pair_of(form), 0.02, "finite_strain")
     levels = [Discretisation(3, fineness) for fineness in FINENESSES]

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from finite_strain.planning.run_plan import plan_run
 from runs.models import Run
 from runs.process.machine import own_memory
 from runs.session.progress import print_status
@@ -32,9 +31,11 @@ def run(target: int, comm: MPI.Comm) -> list[dict[str, Any]]:
 
     Two coarse meshes come first: the path finder, which gives initial guesses to the next, and one for the error.
     """
+    from finite_strain.planning.run_plan import plan_run  # noqa: PLC0415
+
     problem = pair_of("displacement")
     plan = plan_run(problem, ACCURACY, "finite_strain", steps=STEPS)
-    fine = min((Level(3, f) for f in FINENESSES), key=lambda at: abs(plan.unknowns(at) - target))
+    fine = min((Level(3, f) for f in FINENESSES), key=lambda at: abs(plan.unknowns(at.discretisation()) - target))
     case = LevelCase("", problem, "finite_strain", ACCURACY, steps=STEPS, levels=(Level(2), Level(3), fine))
     forget_peak()
     begun = time.process_time()

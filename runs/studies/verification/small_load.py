@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from finite_strain.geometry.extent import scale_of_force
 from runs.comparison.linear_states import LinearStates
 from runs.studies.framework.case import FINITE, SMALL, Case
 from runs.studies.framework.pair import PAPER_LOAD, THIN, as_seen_by, pair
@@ -51,6 +50,8 @@ def rows(found: Found) -> list[dict[str, Any]]:
 
 
 def _row(case: Case, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    from finite_strain.geometry.extent import scale_of_force  # noqa: PLC0415  (only where elements are pressed)
+
     if case.model == SMALL:
         steps = steps[-1:]
     linear = LinearStates(case.problem, None, {}).along("force", steps)["steps"]
