@@ -1,4 +1,4 @@
-"""Arguments of a wrong type are refused by name, before DOLFINx is imported."""
+"""Arguments of a wrong type are refused, and the message names them, before DOLFINx is imported."""
 
 from __future__ import annotations
 

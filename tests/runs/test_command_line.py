@@ -1,4 +1,4 @@
-"""The command line: JSON alone on standard output, models by name, plans, one voice on two ranks."""
+"""The command line: JSON alone on standard output, choice of the model, plans, one message from two ranks."""
 
 from __future__ import annotations
 

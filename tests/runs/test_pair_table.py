@@ -95,7 +95,7 @@ def test_a_table_goes_on_where_it_was_killed(tmp_path: Path, monkeypatch: pytest
     whole = pair_table.PairTable(problem, "linear_bem", dies_after(999), tmp_path / "other", {})
     said: list[str] = []
     whole.complete(said.append)
-    assert ["left" in line for line in said] == [False, *[True] * 5, False]  # one ball tells nothing about pairs
+    assert ["left" in line for line in said] == [False, *[True] * 5, False]  # one ball has no pairs
     x = np.array([[-1.1, 0.0], [1.1, 0.3]])
     assert again.forces()(x).tangential == pytest.approx(whole.forces()(x).tangential, rel=1e-14)
     assert len(list(tmp_path.glob("*.json"))) == 1

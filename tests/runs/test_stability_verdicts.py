@@ -32,7 +32,7 @@ def test_a_ball_that_only_rests_does_no_work() -> None:
         {**step, "balls": [*step["balls"], ball(depth, 1e-3)]}
         for step, depth in zip(steps, (0.0, 0.0, 0.1), strict=True)
     ]
-    assert math.isnan(energy_balance(later))  # it moves, but from where on no step tells
+    assert math.isnan(energy_balance(later))  # it moves, but the step from which it moves is unknown
 
 
 @pytest.mark.parametrize(
