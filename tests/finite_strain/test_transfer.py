@@ -19,8 +19,9 @@ from mpi4py import MPI
 
 from finite_strain import compat
 from finite_strain.contact.contact_energy import Penalised
-from finite_strain.discretisation.checkpoint import Snapshot, locate
+from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.nodal_values import element_of
+from finite_strain.discretisation.point_location import locate
 from finite_strain.discretisation.unknowns import Fields
 from finite_strain.one_discretisation import mesh_box
 from finite_strain.planning.records import Discretisation
