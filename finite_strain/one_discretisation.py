@@ -12,6 +12,7 @@ from mpi4py import MPI
 from finite_strain import compat
 from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.discrete_model import Meshed, Model
+from finite_strain.discretisation.point_location import Locations
 from finite_strain.equilibrium.load_path import LoadPath, State, StepRecord
 from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.force.contact_extremes import Extremes
@@ -42,9 +43,10 @@ class ModelRun:
     """A model with its load path and force meter on one mesh."""
 
     def __init__(
-        self, plan: RunPlan, meshed: Meshed, box: Box, level: Discretisation, observer: Observer, name: str
-    ) -> None:
-        problem = plan.problem
+        self, plan: RunPlan, meshed: Meshed, box: Box, level: Discretisation, observer: Observer, name: str,
+        locations: Locations | None = None,
+    ) -> None:  # fmt: skip
+        problem, self.locations = plan.problem, locations
         self.model = Model(problem, plan.reduction, meshed, level.order, plan.numerics.contact_degree)
         control = prescribed(problem).on(plan.reduction)
         self.solver = NewtonSolver(self.model, control, plan.numerics, observer.newton)
@@ -76,7 +78,7 @@ class ModelRun:
 
     def predicted_by(self, snapshot: Snapshot) -> State:
         """Return a snapshot as a state of this model (collective)."""
-        values, source = snapshot.at(self.model.fields)
+        values, source = snapshot.at(self.model.fields, self.locations)
         return State(snapshot.fraction, values, tuple(snapshot.approaches), source)
 
     def snapshot(self, fraction: float) -> Snapshot:
@@ -105,10 +107,11 @@ class MeshRun:
         self.plan, self.level, self.comm, self.name = plan, level, comm, name
         box = plan.box(level)
         meshed = mesh_box(box, mesh, comm) if isinstance(mesh, Path) else mesh
-        self.own = ModelRun(plan, meshed, box, level, observer, name)
+        locations = Locations()
+        self.own = ModelRun(plan, meshed, box, level, observer, name, locations)
         self.small: ModelRun | None = None
         if plan.is_paired:
-            self.small = ModelRun(plan.pair, meshed, box, level, observer, f"{name}, small strain")
+            self.small = ModelRun(plan.pair, meshed, box, level, observer, f"{name}, small strain", locations)
 
     def close(self) -> None:
         """Free the objects of both models (collective)."""

@@ -17,7 +17,7 @@ import numpy as np
 from finite_strain import compat
 from finite_strain.contact.contact_energy import Penalised
 from finite_strain.discretisation.nodal_values import element_of
-from finite_strain.discretisation.point_location import locate
+from finite_strain.discretisation.point_location import Locations
 from finite_strain.discretisation.unknowns import Fields, Values
 from linear_bem.errors import OutputUnusable
 
@@ -49,12 +49,14 @@ class Snapshot:
         nodes, pressing, *values = (np.concatenate(pieces) for pieces in zip(*gathered, strict=True))
         return cls(fraction, nodes, tuple(values), np.array(approaches), replace(source, displacement=pressing))
 
-    def at(self, fields: Fields) -> tuple[Values, Penalised]:
+    def at(self, fields: Fields, locations: Locations | None = None) -> tuple[Values, Penalised]:
         """Return the values of this state at the nodes of a model's fields (this rank's, ghosts included).
 
-        Raises `OutputUnusable` if the nodes do not lie in the mesh of the state.
+        ``locations`` avoids a new search for points in a mesh that was searched before. Raises `OutputUnusable`
+        if the nodes do not lie in the mesh of the state.
         """
-        found = [locate(self.nodes, points) for points in fields.points]
+        locations = locations or Locations()
+        found = [locations.find(self.nodes, points) for points in fields.points]
         nodal, *pressures = (_evaluate(values, *at) for values, at in zip(self.values, found, strict=True))
         source = replace(self.source, displacement=_evaluate(self.source.displacement, *found[0]))
         return (nodal, *(values.ravel() for values in pressures)), source

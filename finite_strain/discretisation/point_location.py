@@ -15,13 +15,30 @@ BULGE = 0.05
 """How far a curved cell may extend beyond the bounding box of its nodes, as a fraction of the box's sides."""
 
 
-def locate(mesh: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cell (n,) of each point (n, 3) [m], and its reference coordinates (n, 3) there, within [0, 1].
+class Locations:
+    """Finds points in a mesh, and keeps the results for the last mesh."""
 
-    ``mesh`` (cells, k, 3) [m] are the nodes of its cells. Points outside their box, as in a wider domain, are moved to
-    its surface. Raises `OutputUnusable` if a point then lies in no cell.
-    """
-    points = np.clip(points, mesh.min(axis=(0, 1)), mesh.max(axis=(0, 1)))
+    def __init__(self) -> None:
+        self._nodes = np.zeros((0, 0, 3))
+        self._found: list[tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]] = []
+
+    def find(self, nodes: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the cell (n,) of each point (n, 3) [m], and its reference coordinates (n, 3) there, within [0, 1].
+
+        ``nodes`` (cells, k, 3) [m] are those of the mesh's cells. Points outside their box, as in a wider domain, are
+        moved to its surface. Raises `OutputUnusable` if a point then lies in no cell.
+        """
+        if not np.array_equal(nodes, self._nodes):
+            self._nodes, self._found = nodes, []
+        for known, found in self._found:
+            if np.array_equal(known, points):
+                return found
+        found = _located(nodes, np.clip(points, nodes.min(axis=(0, 1)), nodes.max(axis=(0, 1))))
+        self._found.append((points, found))
+        return found
+
+
+def _located(mesh: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     cells, places = np.full(len(points), -1), np.zeros((len(points), 3))
     violation = np.full(len(points), np.inf)
     low, high = mesh.min(axis=1), mesh.max(axis=1)

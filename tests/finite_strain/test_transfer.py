@@ -19,9 +19,10 @@ from mpi4py import MPI
 
 from finite_strain import compat
 from finite_strain.contact.contact_energy import Penalised
+from finite_strain.discretisation import point_location
 from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.nodal_values import element_of
-from finite_strain.discretisation.point_location import locate
+from finite_strain.discretisation.point_location import Locations
 from finite_strain.discretisation.unknowns import Fields
 from finite_strain.one_discretisation import mesh_box
 from finite_strain.planning.records import Discretisation
@@ -161,7 +162,29 @@ def test_a_point_between_the_cells_of_a_mesh_is_refused(two: list[Any]) -> None:
     nodes = taken(1.0, fields_on(two[0], 2)).nodes
     kept = nodes[[int(nodes[:, :, 0].mean(axis=1).argmin()), int(nodes[:, :, 0].mean(axis=1).argmax())]]
     with pytest.raises(OutputUnusable, match="belongs to another scene"):
-        locate(kept, nodes.mean(axis=1))
+        Locations().find(kept, nodes.mean(axis=1))
+
+
+def test_points_are_searched_once_in_a_mesh(two: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    coarse, fine = (fields_on(mesh, 3) for mesh in two)
+    searched, search = [], point_location._located
+    monkeypatch.setattr(point_location, "_located", lambda *given: searched.append(given) or search(*given))
+    locations = Locations()
+
+    def searches(snapshot: Snapshot, fields: Fields) -> int:
+        searched.clear()
+        found, known = snapshot.at(fields, locations), snapshot.at(fields)
+        assert all(np.array_equal(one, other) for one, other in zip(found[0], known[0], strict=True))
+        return len(searched) - len(fields.points)
+
+    for fields in (coarse, fine):
+        fill(fields, 3)
+    assert searches(taken(0.5, coarse), fine) == 2  # nodes of the displacement, and of the pressure
+    assert searches(taken(0.7, coarse), fine) == 0
+    assert searches(taken(0.5, coarse), fields_on(two[1], 2)) == 1  # its displacement has the pressure's nodes
+    assert searches(taken(0.5, coarse), fine) == 0
+    assert searches(taken(0.5, fine), coarse) == 2  # another mesh
+    assert searches(taken(0.5, coarse), fine) == 2
 
 
 @pytest.fixture(scope="module")
@@ -217,6 +240,6 @@ def test_a_point_next_to_a_curved_cell_is_not_taken_to_lie_in_it(tmp_path: Path)
     nodes = mesh.geometry.x[compat.geometry_dofs(mesh)]
     fields = fields_on(mesh, 4)
     points = fields.points[0]
-    cells, places = locate(nodes, points)
+    cells, places = Locations().find(nodes, points)
     shapes = element_of(nodes.shape[1]).tabulate(0, places)[0].reshape(len(places), -1)
     assert np.abs(np.einsum("na,nai->ni", shapes, nodes[cells]) - points).max() < ROUNDOFF
