@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from finite_strain.equilibrium.newton import KAPPA, Merit
+from finite_strain.equilibrium.line_search import KAPPA, Merit
 from linear_bem import Elastic
 from tests.finite_strain.scenes import STIFF_SUBSTRATE, coarse_plan, coarse_rig, pair, relatively
 
