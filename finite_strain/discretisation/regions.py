@@ -12,7 +12,7 @@ from petsc4py import PETSc
 
 from finite_strain import compat
 from finite_strain.discretisation.unknowns import idle_dofs
-from finite_strain.mechanics.materials import Finite, Kinematics, Small
+from finite_strain.mechanics.kinematics import Finite, Kinematics, Small
 from finite_strain.mechanics.volumetric import Compressible, Mixed, Volumetric, describe_forms, volume_stiffness
 from linear_bem.law import Energy, Law
 from linear_bem.problem import Elastic, Problem

@@ -1,14 +1,12 @@
-"""Strain energies per reference volume of the displacement gradient du_i/dX_J, at finite and at small strain.
+"""Strain energies of the laws in `linear_bem.law`, per reference volume; stresses follow by differentiation.
 
-The derivative by the gradient is the first Piola-Kirchhoff stress (at small strain: the stress). The laws of
-`linear_bem.law` are written in H = F - I, without differences of nearly equal numbers: in a stiff substrate, with
-strains of 1e-5 and less, the roundoff of I1 - 3 and ln J would exceed the energy. An energy's arguments are the law
-with its parameters, H, the shear modulus, the volumetric energy, and ``still``, the values of H without derivative;
-its value and first two derivatives are correct (`finite_strain.mechanics.invariants.second_order`).
+They are written in the displacement gradient H = F - I, without differences of nearly equal numbers: in a stiff
+substrate, with strains of 1e-5 and less, the roundoff of I1 - 3 and ln J would exceed the energy. An energy's arguments
+are the law with its parameters, H, the shear modulus, the volumetric energy, and ``still``, the values of H without
+derivative; its value and first two derivatives are correct (`finite_strain.mechanics.invariants.second_order`).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any
 
 import ufl
@@ -16,7 +14,7 @@ import ufl
 from finite_strain.mechanics.invariants import minus_logarithm, second_invariant, second_order, volume_change
 from finite_strain.mechanics.principal_stretches import PrincipalStretches, exponential_ratio, summed
 from finite_strain.mechanics.volumetric import Volumetric
-from linear_bem.law import Energy, Gent, Hyperfoam, Law, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from linear_bem.law import Gent, Hyperfoam, Law, MooneyRivlin, NeoHookean, Ogden, Yeoh
 
 
 def neo_hookean(law: NeoHookean, H: Any, shear: Any, volumetric: Volumetric, still: Any) -> Any:
@@ -81,48 +79,3 @@ def _terms(law: Ogden | Hyperfoam, shear: Any, stretches: PrincipalStretches) ->
 ENERGIES: dict[type[Law], Callable[[Any, Any, Any, Volumetric, Any], Any]] = {
     NeoHookean: neo_hookean, MooneyRivlin: mooney_rivlin, Yeoh: yeoh, Gent: gent, Ogden: ogden, Hyperfoam: hyperfoam,
 }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Finite:
-    """Finite strain with a hyperelastic law or a user-defined energy psi(F): F = I + grad u."""
-
-    law: Law | Energy = field(default_factory=NeoHookean)
-
-    def energy_density(self, gradient: Any, shear: Any, volumetric: Volumetric, still: Any) -> Any:
-        """Return the law's strain energy, nan where an element is inverted; ``still`` is the gradient's value."""
-        if isinstance(self.law, Law):
-            return ENERGIES[type(self.law)](self.law, gradient, shear, volumetric, still)
-        return self.law(ufl.Identity(3) + gradient)
-
-    def cauchy_stress(self, gradient: Any, stress: Any) -> Any:
-        """Return the Cauchy stress P F^T / J [Pa]."""
-        F = ufl.Identity(3) + gradient
-        return stress * F.T / ufl.det(F)
-
-    def surface_stretch(self, gradient: Any) -> Any:
-        """Return the deformed over the undeformed area of a horizontal surface."""
-        F = ufl.Identity(3) + gradient
-        normal = ufl.cross(F[:, 0], F[:, 1])
-        return ufl.sqrt(ufl.dot(normal, normal))
-
-
-@dataclass(frozen=True)
-class Small:
-    """Small strain, linear isotropic elasticity: mu e:e + volumetric(tr e)."""
-
-    def energy_density(self, gradient: Any, shear: Any, volumetric: Volumetric, still: Any) -> Any:
-        """Return Hooke's strain energy of the symmetric gradient."""
-        strain = ufl.sym(gradient)
-        return shear * ufl.inner(strain, strain) + volumetric(ufl.tr(strain))
-
-    def cauchy_stress(self, gradient: Any, stress: Any) -> Any:
-        """Return the stress itself: at small strain the configurations coincide."""
-        return stress
-
-    def surface_stretch(self, gradient: Any) -> int:
-        """Return 1, as the configurations coincide."""
-        return 1
-
-
-Kinematics = Finite | Small

@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 from finite_strain import compat
 from finite_strain.discretisation.regions import constant, with_constants
-from finite_strain.mechanics.materials import Finite
+from finite_strain.mechanics.kinematics import Finite
 from finite_strain.mechanics.volumetric import Compressible, Mixed, volume_stiffness
 from linear_bem import FiniteStrain, Gent, Hyperfoam, Layer, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from linear_bem.law import LAWS, Law

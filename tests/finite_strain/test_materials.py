@@ -16,7 +16,8 @@ import ufl
 from mpi4py import MPI
 
 from finite_strain import compat
-from finite_strain.mechanics.materials import ENERGIES, Finite, Kinematics, Small
+from finite_strain.mechanics.kinematics import Finite, Kinematics, Small
+from finite_strain.mechanics.materials import ENERGIES
 from finite_strain.mechanics.volumetric import Compressible
 from linear_bem.law import LAWS
 from tests.finite_strain.scenes import relatively
