@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -26,6 +26,7 @@ from linear_bem import (
     solve_point_load,
 )
 from linear_bem.depth import LARGE_STRAIN, depth_faults, overlap_note
+from linear_bem.problem import PARTS
 
 LAYER, BALLS, LOAD = Layer(2.0, 0.3, 1.0), (Ball((0.0, 0.0), 3.0),), Load("force", (0.1,))
 
@@ -287,6 +288,10 @@ def test_a_large_ball_among_many_small_ones_is_compared_with_each_once(monkeypat
         Layer(1.0, 0.3, 5.0), (Ball((0.0, 0.0), 200.0), *(Ball(p, 0.5) for p in places)), Load("force", (1e-3,) * 401)
     )
     assert len(compared) == 400
+
+
+def test_the_type_of_every_part_is_checked() -> None:
+    assert {"balls", *PARTS} == {part.name for part in fields(Problem)}
 
 
 def test_unlike_balls_that_meet_as_one_is_pressed_deeper_are_noted() -> None:

@@ -17,6 +17,7 @@ from linear_bem import (
 )
 from runs.models import MODELS
 from runs.process.json_values import as_given
+from runs.scene.balls import SHAPE_KEYS
 from runs.scene.effects import EFFECTS, Effect
 from runs.scene.messages import RARER_EXAMPLES
 from runs.scene.scene_file import read_scene
@@ -209,7 +210,7 @@ def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
         (
             'radius = "8 mm"',
             'shape = ["cone", "torus"]\nradius = "8 mm"',
-            ["[balls] shape: value 1: must be", '"cone" or "punch"', '["cone", "torus"]'],
+            ["[balls] shape: value 1: must be", f'or "{[*SHAPE_KEYS][-1]}", got', '["cone", "torus"]'],
         ),
         (
             'radius = "8 mm"',
