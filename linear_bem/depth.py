@@ -135,7 +135,7 @@ def given_by_others(problem: Problem, ball: int, forces: Array) -> float:
     return float(np.sum(np.delete(forces, ball) / away)) / (math.pi * substrate.contact_modulus)
 
 
-def large_strain_note(layer: Layer, deepest: float, base: float = 0.0) -> tuple[str, ...]:
+def large_strain_note(layer: Layer, deepest: float, base: float) -> tuple[str, ...]:
     """Return a note where small strain does not hold, given the largest approach and the base's part of it [m]."""
     if isinstance(layer, SurfaceResponse):  # it may deform to any depth
         return ()

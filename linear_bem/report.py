@@ -23,15 +23,15 @@ class Timed:
         self.last = time.monotonic()
 
 
-def seldom(report: Report, before: str = "", seconds: float = 2.0) -> Report:
-    """Return a report that prefixes ``before`` and drops lines within ``seconds`` of the last line or of this call.
+def seldom(report: Report, before: str = "") -> Report:
+    """Return a report that prefixes ``before`` and drops lines within 2 s of the last line or of this call.
 
     If ``report`` is `Timed`, the last line of the whole solution counts.
     """
     timed = report if isinstance(report, Timed) else Timed(report)
 
     def passed_on(text: str) -> None:
-        if time.monotonic() - timed.last >= seconds:
+        if time.monotonic() - timed.last >= 2.0:
             timed(before + text)
 
     return passed_on

@@ -77,7 +77,7 @@ def of_order(fine: Any, space: Any) -> Coarse:
     return Coarse(_shapes(fine, space), nodes.size_local, numbers)
 
 
-def upright(fine: Any, orders: Sequence[int] = (1,)) -> list[Coarse]:
+def upright(fine: Any, orders: Sequence[int]) -> list[Coarse]:
     """Return levels of orders 2 or 1 along the layer and the space's own order across it (collective).
 
     Their nodes are the fine nodes above and below the mesh's vertices and, at order 2, one inner node of each edge and

@@ -57,7 +57,7 @@ def panels(edges: Array, order: int) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=3)
-def far_rule(order: int = 0) -> tuple[Array, Array]:
+def far_rule(order: int) -> tuple[Array, Array]:
     """Return u_j and weights that contain Jn(u_j) and the cut-off: int f(u) Jn(u) du for f smooth in log u.
 
     Exact for constants (int Jn = 1), so that the layer's 1/r and the substrate's cancel to roundoff at large r.

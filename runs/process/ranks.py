@@ -93,7 +93,7 @@ def all_arrive(comm: Any, patience: float = PATIENCE) -> bool:
     return True
 
 
-def end_together(code: int, last_words: str, patience: float = PATIENCE) -> None:
+def end_together(code: int, last_words: str, patience: float) -> None:
     """Return when all ranks are about to end; abort them if some wait for this one in a collective call."""
     if _farewell is None or _farewell.size == 1:
         return

@@ -33,8 +33,11 @@ KINDS = {
 }
 
 
-def report_folder(path: Path, out: Path | None = None) -> None:
-    """Write the page of the folder ``path`` to ``out``; raises `OutputUnusable` if there is nothing to report."""
+def report_folder(path: Path, out: Path | None) -> None:
+    """Write the page of the folder ``path`` to ``out`` (None: into the folder).
+
+    Raises `OutputUnusable` if there is nothing to report.
+    """
     if not ranks.is_root():
         return
     target = out or path / NAME

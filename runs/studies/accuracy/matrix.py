@@ -2,14 +2,13 @@
 
 from typing import Any
 
+from runs.models import USUAL
 from runs.studies.framework.case import Case
 from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.pair import as_seen_by, pair
 
 GRIDS = {"linear_bem.solver.STEEP": 0.0, "linear_bem.solver.ROUTES_SUFFICE": 0.0}
 """Constants that make `linear_bem` solve every contact on a grid, none by polynomials."""
-USUAL = 0.02
-"""Default accuracy of the finite elements."""
 USUAL_CASE = "parameter-usual"
 """The case with every parameter at its default, on the coarsest discretisation that gives an answer."""
 FINEST = 1e-3

@@ -116,7 +116,7 @@ def carbone_response(t: np.ndarray, poisson: float) -> np.ndarray:
     return np.asarray((fac * np.sinh(2.0 * t) - 2.0 * t) / (fac * np.cosh(2.0 * t) + 2.0 * t**2 + off))
 
 
-def carbone_force(normal_force: float, contact: float, distance: float, layer: Layer, uniform: bool = False) -> float:
+def carbone_force(normal_force: float, contact: float, distance: float, layer: Layer, uniform: bool) -> float:
     """Return the attraction [N] of two contacts of radius ``contact`` [m] under Hertz's or a uniform pressure.
 
     The interaction energy of p1 and p2 is the integral of the compliance times p1(k) p2(k) over the plane of k; its
