@@ -63,6 +63,7 @@ def test_tables_scroll_and_sentences_wrap_and_a_notebook_joins_them(tmp_path: Pa
 def test_the_tutorial_of_nine_balls_gathers_them(tmp_path: Path) -> None:
     page = Tutorial(PAGES / "tutorials" / "nine_balls.md", tmp_path, tmp_path).run()
     assert "```output" not in page
+    assert "warning:" not in page
     folder = tmp_path / "out" / "nine_balls-evolve-linear_bem"
     assert (folder / "evolution.gif").stat().st_size > 0
     (member,) = json.loads((folder / "result.json").read_text(encoding="utf-8"))["ensemble"]
