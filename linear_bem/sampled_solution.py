@@ -155,7 +155,7 @@ def _judged(contacts: SmoothContacts, wanted: float, report: Report) -> Solution
     reference = reference_force(contacts)
     reached = float(np.max(error)) / reference
     accuracy = {
-        "requested": wanted,
+        "asked": wanted,
         "reached": reached,
         "sample": balls,
         "sample_error": float(np.max(sample.tangential_force)) / reference,

@@ -196,7 +196,7 @@ def _accuracy(solved: Mapping[str, Any]) -> Document:
     if not accuracy:
         return {}
     symbol = symbol_of(_reference(accuracy))
-    asked, reached = accuracy.get("asked") or accuracy["requested"], accuracy["reached"]
+    asked, reached = accuracy["asked"], accuracy["reached"]
     return {
         "asked": f"{100.0 * asked:.2g} %",
         "reached": f"{100.0 * reached:.2g} %",
