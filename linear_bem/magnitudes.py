@@ -28,6 +28,14 @@ def is_number(value: object) -> bool:
         return False
 
 
+def are_numbers(values: object) -> bool:
+    """Return whether a value is a collection of real numbers."""
+    try:
+        return all(is_number(value) for value in values)  # type: ignore[attr-defined]
+    except TypeError:
+        return False
+
+
 def range_faults(numbers: Mapping[str, float], unit: str = "", of: float = 1.0, what: str = "") -> list[str]:
     """Return a message per number outside `SIZES` or, if ``what`` describes ``of`` in words, outside `RATIOS` of it.
 

@@ -1,7 +1,8 @@
 """The registry of effects: an effect is simulated if the scene has its optional table, and otherwise costs nothing.
 
-To add an effect, add a file here and an entry in `EFFECTS`. An effect that changes the contact problem has a field of
-its name in `linear_bem.problem.Problem`; each model in `runs.models` lists the effects that it supports.
+To add an effect, add a file here and an entry in `EFFECTS`. An effect that changes the contact problem has a class in
+`linear_bem.effects` and a field of its name in `linear_bem.problem.Problem`; each model in `runs.models` lists the
+effects that it supports.
 """
 
 from runs.scene.effects.effect import Effect
