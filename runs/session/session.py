@@ -30,6 +30,8 @@ from runs.session.progress import Progress
 from runs.session.terminal import print_status, waiting
 
 PACKAGES = ("thirdbody", "numpy", "scipy", "fenics-dolfinx", "petsc4py", "mpi4py")
+ALWAYS_NAMED = ("substrate", "finite_strain", "elements")
+"""Parts that identify a run even if absent: a new effect does not change the identity of runs without it."""
 
 
 @dataclass(frozen=True)
@@ -110,15 +112,14 @@ class Session:
             from finite_strain import FORMAT  # noqa: PLC0415  (only where a scene calls for finite elements)
 
             version = FORMAT
+        parts = dataclasses.asdict(self.problem).items()
         identity: Document = {
             "command": self.command,
             "format": version,
             "model": self.model.name,
-            "problem": dataclasses.asdict(self.problem),
+            "problem": {key: part for key, part in parts if part is not None or key in ALWAYS_NAMED},
             "tangential_force": scene.tangential_force,
         }
-        if self.problem.periodic is None:  # runs without it keep their identity
-            del identity["problem"]["periodic"]
         if self.problem.finite_strain is not None:
             identity["problem"]["finite_strain"] = effect_identity(self.problem.finite_strain)
         identity |= {name: table.model_dump() for name, table in scene.drift.items()}

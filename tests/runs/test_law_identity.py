@@ -1,19 +1,21 @@
-"""Two laws with numbers of the same names are two runs: neither is resumed or shown as the other."""
+"""Two laws with numbers of the same names are two runs; an effect added later leaves runs without it as they are."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import make_dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from linear_bem import Elements
+from linear_bem import Elements, Problem
 from linear_bem.errors import OutputUnusable
 from linear_bem.result import Result
 from runs.evolution.pair_table import FEW, PairTable
 from runs.evolution.providers import table_of
-from runs.models import MODELS
+from runs.models import MODELS, choose
 from runs.scene.scene_file import InvalidScene, Scene, read_scene
+from runs.session import session
 from runs.session.session import Options, Session
 
 SCENE = """title = "foam"
@@ -47,6 +49,23 @@ def test_a_run_of_another_law_is_refused(tmp_path: Path) -> None:
         pass
     with pytest.raises(OutputUnusable, match=r"law\.name is ogden there and hyperfoam here"):
         Session("solve", scene("hyperfoam", tmp_path), None, options)
+
+
+def test_an_effect_added_later_leaves_runs_without_it_as_they_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options, given = Options(out=tmp_path / "run"), scene("ogden", tmp_path)
+    with Session("solve", given, None, options):
+        pass
+    later: Any = make_dataclass("Later", [("ageing", object, None)], bases=(Problem,), frozen=True)
+
+    def chosen(*arguments: Any) -> tuple[Any, ...]:
+        model, problem, notes = choose(*arguments)
+        return model, later(**vars(problem)), notes
+
+    monkeypatch.setattr(session, "choose", chosen)
+    with Session("solve", given, None, options) as same:
+        assert "ageing" in vars(same.problem)
 
 
 def test_a_table_of_pairs_is_of_one_law(tmp_path: Path) -> None:
