@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
@@ -18,7 +17,7 @@ from linear_bem.smooth.contacts import CHECKED, SmoothContacts
 from linear_bem.smooth.displacement import displacement_about
 from linear_bem.smooth.initial_guess import Guess, Start, light_touch, overlap, solve_smooth
 from linear_bem.smooth.zone import Zone, stacked
-from linear_bem.touching import largest_half_width, wrapped
+from linear_bem.touching import largest_half_width, nearest_distances
 
 Contacts = SmoothContacts | GridContacts
 Same = TypeVar("Same", SmoothContacts, GridContacts)
@@ -110,9 +109,7 @@ def rests(contacts: Contacts, balls: Sequence[int]) -> list[tuple[float, tuple[f
 def nearest(problem: Problem) -> Array:
     """Return the distance [m] from every ball's axis to the nearest other axis or image, its own images included."""
     cell = problem.cell
-    places = wrapped(problem.positions, cell)
-    to_others = cKDTree(places, boxsize=cell).query(places, 2)[0][:, 1]
-    return np.minimum(to_others, np.inf if cell is None else np.min(cell))
+    return np.minimum(nearest_distances(problem.positions, cell), np.inf if cell is None else np.min(cell))
 
 
 def rested(contacts: Same) -> Same:

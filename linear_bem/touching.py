@@ -25,6 +25,12 @@ def wrapped(positions: Array, cell: Array | None) -> Array:
     return np.clip(positions - cell * np.floor(positions / cell), 0.0, np.nextafter(cell, 0.0))
 
 
+def nearest_distances(positions: Array, cell: Array | None) -> Array:
+    """Return the distance [m] from every position (n, 2) [m] to the nearest other one or its image; inf if alone."""
+    places = wrapped(positions, cell)
+    return np.asarray(cKDTree(places, boxsize=cell).query(places, 2)[0][:, 1])
+
+
 def largest_half_width(body: object, radius: float) -> float:
     """Return a bound [m] of half the touching distance to an equal body."""
     if not isinstance(body, Indenter):

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from linear_bem.arrays import Array
+from linear_bem.touching import nearest_distances
 from runs.display.style import BLUE, GREY, ORANGE, blank, dot_lines, grid, look, save_figure
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.record import positions_at, starting_neighbours
-from runs.evolution.structure import nearest_distances
 from runs.pictures.sheet import save_gif
 from runs.scene.units import Unit
 

@@ -13,6 +13,7 @@ import numpy as np
 from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged, TooLarge, UnsupportedProblem
 from linear_bem.problem import Periodic, Problem
+from linear_bem.touching import nearest_distances
 from runs.display.numbers import count
 from runs.evolution import equilibria
 from runs.evolution.drift import PUSHING, Drift, Moment
@@ -20,7 +21,6 @@ from runs.evolution.forces import Forces, at
 from runs.evolution.hard_balls import HardBalls, resistances
 from runs.evolution.pair_forces import PairForces
 from runs.evolution.providers import DIRECT_ACCURACY, MEASURED, Provider
-from runs.evolution.structure import nearest_distances
 from runs.process.json_values import Document
 from runs.scene.units import Unit
 from runs.session.session import Session

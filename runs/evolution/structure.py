@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import Voronoi, cKDTree
+from scipy.spatial import Voronoi
 from scipy.special import j0
 
 from linear_bem.arrays import Array, Indices
-from linear_bem.touching import wrapped
+from linear_bem.touching import nearest_distances
 from runs.evolution.drift import Moment
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.pair_list import images
@@ -25,12 +25,6 @@ FLAT = 1e-3
 """Width over length below which balls are in one line."""
 EDGE = 1e-6
 """An edge between two Voronoi cells up to this length, over the distance of their balls, counts as a corner."""
-
-
-def nearest_distances(x: Array, cell: Array | None) -> Array:
-    """Return the distance [m] of every ball to the nearest other one."""
-    inside = wrapped(x, cell)
-    return np.asarray(cKDTree(inside, boxsize=cell).query(inside, k=2)[0][:, 1])
 
 
 def cluster_sizes(balls: HardBalls, x: Array) -> Indices:
