@@ -11,7 +11,7 @@ from linear_bem.layer.ritz_indentation import estimates
 from linear_bem.media import Elastic, Layer, SurfaceResponse
 from linear_bem.problem import Problem
 from linear_bem.profiles import is_ball
-from linear_bem.touching import wrapped
+from linear_bem.touching import to_nearest, wrapped
 
 LINEAR_UP_TO = 0.25
 """Approach over the layer's thickness above which a note is given, if only the layer is deformed.
@@ -182,8 +182,7 @@ def overlap_note(problem: Problem, approaches: Array) -> tuple[str, ...]:
     tree = cKDTree(centres, boxsize=None if cell is None else (*cell, 0.0))
     first, second = tree.query_pairs(2.0 * radii.max(), output_type="ndarray").reshape(-1, 2).T
     apart = centres[first] - centres[second]
-    if cell is not None:
-        apart[:, :2] -= cell * np.round(apart[:, :2] / cell)  # to the nearest image
+    apart[:, :2] = to_nearest(apart[:, :2], cell)
     overlaps = radii[first] + radii[second] - np.linalg.norm(apart, axis=1)
     shares = overlaps / np.minimum(radii[first], radii[second])
     if not np.any(shares > OVERLAP):

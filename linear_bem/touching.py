@@ -1,4 +1,4 @@
-"""Least distance of two rigid bodies that rest on one plane, and the bodies that overlap."""
+"""Distances of bodies in the plane, in a cell those of the nearest images; least distances, and bodies that overlap."""
 
 import math
 from collections.abc import Mapping
@@ -23,6 +23,11 @@ def wrapped(positions: Array, cell: Array | None) -> Array:
         return positions
     # in floating point L floor(x / L) may exceed x, and the difference for a small negative x is L
     return np.clip(positions - cell * np.floor(positions / cell), 0.0, np.nextafter(cell, 0.0))
+
+
+def to_nearest(vectors: Array, cell: Array | None) -> Array:
+    """Return vectors (..., 2) [m] between points, each to the nearest image of its end; unchanged without a cell."""
+    return vectors if cell is None else np.asarray(vectors - cell * np.round(vectors / cell))
 
 
 def nearest_distances(positions: Array, cell: Array | None) -> Array:

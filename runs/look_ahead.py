@@ -13,6 +13,7 @@ from linear_bem.report import silent
 from linear_bem.result import Result
 from linear_bem.sampled_solution import SAMPLE
 from linear_bem.smooth.contacts import CHECKED
+from linear_bem.touching import to_nearest
 from runs.display.numbers import leading_ball
 from runs.models import COMMAND_BYTES, MODELS, Run, at_small_strain
 
@@ -133,8 +134,7 @@ def out_of_cell(problem: Problem, ahead: Result) -> Problem:
 
 def offsets_from(place: Array, problem: Problem) -> Array:
     """Return positions (n, 2) [m] of the balls relative to a place (2,), in a cell those of the nearest images."""
-    offsets: Array = problem.positions - place
-    return offsets if problem.cell is None else offsets - problem.cell * np.round(offsets / problem.cell)
+    return to_nearest(problem.positions - place, problem.cell)
 
 
 def _at(positions: Array, problem: Problem) -> Problem:

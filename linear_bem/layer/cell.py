@@ -22,6 +22,7 @@ from scipy.spatial import cKDTree
 
 from linear_bem.arrays import Array, Indices
 from linear_bem.media import Layer, SurfaceResponse
+from linear_bem.touching import to_nearest
 
 if TYPE_CHECKING:
     from linear_bem.layer.kernel import LayeredKernel
@@ -53,7 +54,7 @@ class Cell:
 
     def nearest(self, offset: Array) -> Array:
         """Return offsets (..., 2) [m] between points, each reduced to that of the nearest image."""
-        return np.asarray(offset - self.lengths * np.round(offset / self.lengths))
+        return to_nearest(offset, self.lengths)
 
     def images(self, points: Array, reach: float, places: Array | None = None) -> tuple[Indices, Array]:
         """Return point indices and shifts [m] of all images, without the points, within ``reach`` [m] of a rectangle.

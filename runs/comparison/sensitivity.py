@@ -18,13 +18,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from linear_bem.errors import InvalidProblem, ThirdBodyError
 from linear_bem.problem import Problem
 from linear_bem.sequence.contact_sequence import nearby_forces
 from linear_bem.solution import Solution
-from linear_bem.touching import wrapped
+from linear_bem.touching import nearest_distances
 from runs.comparison.strengthening_factors import ROUNDOFF
 from runs.display.numbers import SHOWN, Scale, leading_ball, number, percent
 from runs.models import MODELS, Run, at_small_strain
@@ -186,12 +185,10 @@ def _row(name: str, value: str, step: str, slope: float, unit: str, known: float
 
 def _value(symbol: str, problem: Problem, scale: Scale) -> str:
     units, layer, substrate = scale.units, problem.layer, problem.substrate
-    places = wrapped(problem.positions, problem.cell)
-    apart, _ = cKDTree(places, boxsize=problem.cell).query(places, 2)  # inf for a single ball
     unit, values = {
         "h": (units.length, [layer.thickness]),
         "R": (units.length, [ball.radius for ball in problem.balls]),
-        "L": (units.length, [float(apart[:, 1].min())]),
+        "L": (units.length, [float(nearest_distances(problem.positions, problem.cell).min())]),
         "E1": (units.pressure, [layer.young]),
         "E2": (units.pressure, [] if substrate is None else [substrate.young]),
         "D": (units.length, problem.load.values),

@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 from linear_bem.arrays import Array, Indices, Mask
 from linear_bem.errors import NotConverged, UnsupportedProblem
 from linear_bem.problem import Problem
-from linear_bem.touching import wrapped
+from linear_bem.touching import to_nearest, wrapped
 from runs.evolution.motion import DENSE, Contacts, moved
 
 Pairs = Indices
@@ -107,10 +107,7 @@ class HardBalls:
     def between(self, x: Array, which: Pairs) -> Array:
         """Return the vectors [m] from the first ball to the (nearest image of the) second, shape (pairs, 2)."""
         i, j = np.divmod(which, len(self.radii))
-        vectors = x[j] - x[i]
-        if self.cell is not None:
-            vectors -= self.cell * np.round(vectors / self.cell)
-        return np.asarray(vectors)
+        return to_nearest(x[j] - x[i], self.cell)
 
     def gaps(self, x: Array, which: Pairs | None = None) -> Array:
         """Return distance less touching distance [m] of all pairs, or of those numbered ``which``."""
