@@ -34,6 +34,7 @@ PARTS = 4
 DOUBLINGS = 4
 """Number of doublings of the penalty if multipliers were added gradually, or not at all; more if `stiffer` > 1."""
 BACK = 1e-12
+"""Relative roundoff of load fractions."""
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ SHIFT = 0.02
 NEGLIGIBLE = 0.1
 """Fraction of the half-space's mutual force below which T counts as near zero: accuracies then refer to this value."""
 _GROWTH, _STEPS = 1.25, 30
+"""Growth of a trial length from step to step, and the largest number of steps."""
 
 
 @dataclass(frozen=True)

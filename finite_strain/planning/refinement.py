@@ -27,6 +27,7 @@ STEP = 0.5
 WIDER, STIFFER = 1.5, 8.0
 """Growth factors of the domain and of the penalty where they limit the accuracy."""
 MOST_LEVELS = 8
+"""Largest number of discretisations of a run."""
 STEADY = 0.5
 """Remaining fraction of an error above which a refinement did not reduce the cause of the error."""
 

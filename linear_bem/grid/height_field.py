@@ -21,8 +21,8 @@ from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import Groups
 from linear_bem.media import Elastic, Layer, SurfaceResponse, medium_faults, without_empty_layer
 
-_COARSE = 32
-_COARSE_TOLERANCE = 1e-4
+_COARSE, _COARSE_TOLERANCE = 32, 1e-4
+"""Least number of cells across of the grids that give first guesses, and their tolerance."""
 STEEP = 10.0
 """Root mean square slope of heights above which a note questions their unit."""
 OF_HEIGHTS = {

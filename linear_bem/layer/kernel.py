@@ -33,7 +33,9 @@ if TYPE_CHECKING:
     from linear_bem.layer.cell import Cell
 
 _SPACING = 0.02
+"""Step of the table of s in asinh(rho)."""
 _NEAR = 1.0
+"""Largest rho at which the nodes of an integral over Jn(rho t) need not follow its waves."""
 _EVEN = {0.8: 12, 1.6: 18, 3.2: 30}
 """Ends of ranges from rho = 0 on, with the number of terms of a polynomial in rho^2 that is s there to roundoff.
 

@@ -24,6 +24,7 @@ from linear_bem.layer.response import MeasuredResponse, response_of, scaled_medi
 from linear_bem.media import Elastic, Layer, without_empty_layer
 
 _POWERS = (0.5, 0.7, 1.0, 1.4, 2.0)
+"""Trial values of alpha."""
 
 
 @dataclass(frozen=True)

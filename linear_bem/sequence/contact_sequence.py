@@ -23,6 +23,7 @@ from linear_bem.solution import Solution
 from linear_bem.solver import solve_contact
 
 DEGREES = (4, 6, 8)
+"""Degrees of p^2 of a cold solution, in the order of trial."""
 SOLVED = 1e-6
 """Largest last step of the solver, over the largest coefficient of a pressure, of states used by `nearby_forces`."""
 FAILED = NotConverged, np.linalg.LinAlgError, FloatingPointError

@@ -21,9 +21,8 @@ FINE = Rule(radial=14, angular=28, directions=0, along=0)
 """Quadrature rule of the pressures, different from the solver's."""
 IN_CELL_TO, FINER = 1e-6, 1e-2
 """Precision of the kernel's split for fields in a periodic cell; the same for direct sums, over their precision."""
-_NEAR = 4.0
-_DEGREE = 6
-
+FAR, OF_FAR = 4.0, 6
+"""Distance over a contact's reach from which it acts through its equivalent point loads, and the degree of these."""
 TOGETHER = 500_000
 """Products of points and nodes that `zone_displacement` evaluates together: 4 MB per table."""
 NEAR = 1.5
@@ -38,9 +37,9 @@ def displacement_of_many(kernel: LayeredKernel, nodes: Nodes, x: Array, y: Array
     At more than four contact radii, a contact acts through its equivalent point loads (relative error of its share
     below 1e-6); nearer, that share is replaced by `zone_displacement`.
     """
-    u, v, _ = disc_nodes(_DEGREE)
+    u, v, _ = disc_nodes(OF_FAR)
     points = np.stack(nodes.zone.points(u, v), axis=1)
-    loads = equivalent_loads(nodes, _DEGREE)
+    loads = equivalent_loads(nodes, OF_FAR)
     reach = nodes.zone.reach
     total = np.zeros(x.shape)
 
@@ -52,7 +51,7 @@ def displacement_of_many(kernel: LayeredKernel, nodes: Nodes, x: Array, y: Array
     for part in np.array_split(np.arange(x.size), x.size * loads.size // 1_000_000 + 1):
         total[part] = share(part, slice(None))
     for j, n in enumerate(nodes):
-        close = np.flatnonzero(np.hypot(x - n.zone.centre[0], y - n.zone.centre[1]) < _NEAR * reach[j])
+        close = np.flatnonzero(np.hypot(x - n.zone.centre[0], y - n.zone.centre[1]) < FAR * reach[j])
         if close.size:
             exact = zone_displacement(kernel, n, x[close], y[close])
             total[close] += exact - share(close, np.array([j]))
