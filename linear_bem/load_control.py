@@ -22,6 +22,11 @@ def force_groups(load: Load, touching: Sequence[int], singular: float) -> Groups
     return []
 
 
+def given_approaches(load: Load, others: Array) -> Array:
+    """Return the prescribed approaches (balls,) [m]; ``others`` under forces."""
+    return np.array(load.values, dtype=float) if load.kind == "approach" else others
+
+
 def unloaded(load: Load) -> list[int]:
     """Return the balls with zero prescribed force, which rest on the surface deformed by the others."""
     return [i for i, q in enumerate(load.values) if q == 0.0] if load.kind == "force" else []

@@ -12,7 +12,7 @@ from linear_bem.error_estimate import LEAST
 from linear_bem.errors import NotConverged
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import smooth_state
-from linear_bem.load_control import deepest, force_groups, unloaded
+from linear_bem.load_control import deepest, force_groups, given_approaches, unloaded
 from linear_bem.problem import Problem
 from linear_bem.profiles import is_ball
 from linear_bem.sequence.linearised import LinearisedContacts, LinearState
@@ -120,7 +120,7 @@ class ContactSequence:
         """Return the state near linearised contacts, None if it is not accurate enough."""
         touching = list(contacts.touching)
         places = problem.positions[touching]
-        values = self._approaches if problem.load.kind != "approach" else np.array(problem.load.values, dtype=float)
+        values = given_approaches(problem.load, self._approaches)
         groups = force_groups(problem.load, touching, contacts.kernel.singular)
         for _ in range(5):
             state = contacts.solve(places, values[touching], groups)
@@ -153,8 +153,7 @@ class ContactSequence:
             return None
         whole = problem.size
         out = SequenceState(np.zeros(whole), np.zeros(whole), np.zeros((whole, 2)), np.zeros(whole), gap, cold=False)
-        given = problem.load.kind == "approach"
-        out.approaches[:] = np.array(problem.load.values) if given else state.approaches[0]
+        out.approaches[:] = given_approaches(problem.load, state.approaches[:1])
         out.approaches[touching] = state.approaches
         out.normal_forces[touching] = forces
         out.tangential_force[touching] = state.mutual_force
@@ -199,7 +198,7 @@ def nearby_forces(near: Solution, problem: Problem) -> Array | None:
         return None
     moved = (problem.positions - contacts.problem.positions)[list(contacts.touching)]
     zones = replace(contacts.zones, centre=contacts.zones.centre + moved)
-    approaches = np.array(problem.load.values) if problem.load.kind == "approach" else contacts.approaches
+    approaches = given_approaches(problem.load, contacts.approaches)
     start = Start(problem, LayeredKernel.of(problem), contacts.touching, zones, approaches)
     try:
         found = smooth_state(start, zones.degree, contacts.precision)
