@@ -214,7 +214,9 @@ class Answers:
     def _change(self, name: str, fraction: float, change: np.ndarray) -> np.ndarray:
         """Return the discretisation error (balls,) from the changes at nearby loads; store this one for the others.
 
-        Nearby are smaller loads and, if these are fewer than `ENOUGH`, the next larger ones already solved.
+        Nearby are smaller loads and, if these are fewer than `ENOUGH`, the next larger ones already solved. If not, the
+        line through the changes at the loads on both sides of this one counts too: changes oscillate along the load, so
+        smaller loads alone do not show an amplitude that grows.
         """
         path = self.fine.changes.setdefault(name, [])
         loads = [row.own.fraction for row in self.fine.rows]
@@ -224,7 +226,11 @@ class Answers:
         first = next(i for i, load in enumerate(loads) if load >= nearby * fraction)
         later = [i for i in range(place + 1, len(path)) if nearby * loads[i] <= fraction]
         near = [*range(first, place + 1), *later[: max(0, ENOUGH - (place + 1 - first))]]
-        return discretisation([np.array(path[i]) for i in near], self.fine.level, self.coarse.level)
+        changes = [np.array(path[i]) for i in near]
+        if later and later[0] not in near:
+            share = (fraction - loads[place - 1]) / (loads[later[0]] - loads[place - 1])
+            changes.append((1.0 - share) * np.array(path[place - 1]) + share * np.array(path[later[0]]))
+        return discretisation(changes, self.fine.level, self.coarse.level)
 
     def _imbalance(self, forces: np.ndarray, error: np.ndarray) -> tuple[float, float]:
         """Return the size of the sum of T (balls, 2) [N] over the scene, and the factor on all errors (balls,) from it.

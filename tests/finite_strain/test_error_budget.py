@@ -115,6 +115,15 @@ def test_later_loads_count_where_there_are_few_smaller_ones() -> None:
     assert answers.fine.changes == {"R": [[change] for change in changes.values()]}
 
 
+def test_where_changes_grow_with_the_load_the_line_through_those_next_to_a_load_counts() -> None:
+    answers, factor = at_loads(0.3, 0.4, 0.5, 0.6, 0.9, 1.0), gain(CUBIC, QUADRATIC)
+    changes = {0.3: 0.02, 0.4: 0.01, 0.5: 0.005, 0.6: 0.3, 0.9: 0.8, 1.0: 0.1}
+    for fraction, change in changes.items():
+        answers._change("R", fraction, np.array([change]))
+    for fraction, counted in ((0.3, 0.02), (0.4, 0.02), (0.5, 0.155), (0.6, 0.3), (0.9, 0.8), (1.0, 0.8)):
+        assert answers._change("R", fraction, np.array([np.nan])) == relatively([counted * factor], ROUNDOFF)
+
+
 def seen(force: float, pull: float) -> Paired:
     ball, none = np.array([force]), np.zeros(1)
     return Paired(ball, np.array([0.1]), np.array([[pull / force**2 if force else 0.0, 0.0]]), none, none, none)
