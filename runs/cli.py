@@ -33,6 +33,10 @@ OutOption = Annotated[
     typer.Option("--out", metavar="DIR", help="Output folder; default out/SCENE-COMMAND-MODEL (out/SCENE-compare)."),
 ]
 FreshOption = Annotated[bool, typer.Option("--fresh", help="Delete the files of an earlier run and start again.")]
+TablesOption = Annotated[
+    Path | None,
+    typer.Option("--tables", metavar="DIR", help="Folder of a drift's tables of pairs; default out/pair-tables."),
+]
 ModelOption = Annotated[
     ModelName | None,
     typer.Option(
@@ -91,10 +95,7 @@ def evolve(
     as_json: JsonOption = False,
     out: OutOption = None,
     fresh: FreshOption = False,
-    tables: Annotated[
-        Path | None,
-        typer.Option("--tables", metavar="DIR", help="Folder of the tables of pairs; default out/pair-tables."),
-    ] = None,
+    tables: TablesOption = None,
 ) -> None:
     """Let the balls of a scene drift under their mutual forces while the plate slides back and forth."""
     from runs.evolution.evolving import evolve_scene  # noqa: PLC0415
@@ -111,12 +112,13 @@ def plan(
     no_advice: Annotated[
         bool, typer.Option("--no-advice", help="Leave out the advice on effects and inputs that change T.")
     ] = False,
+    tables: TablesOption = None,
 ) -> None:
     """Show which effects a scene simulates, its size, time and memory, and which changes of the scene matter."""
     from runs.commands.plan import plan_scene  # noqa: PLC0415
 
     with read(scene) as given:
-        plan_scene(given, model.value if model else None, as_json=as_json, advises=not no_advice)
+        plan_scene(given, model.value if model else None, as_json=as_json, advises=not no_advice, pair_tables=tables)
 
 
 @app.command()

@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from linear_bem.depth import MEANINGLESS
@@ -34,8 +35,13 @@ PART, SHORTEST, LONGEST = 0.25, 2.0, 5.0
 """For the advice of a plan: largest share of the run's time, least (up to `CHECKED` balls) and largest time [s]."""
 
 
-def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool = True) -> None:
-    """Print the plan of ``solve``, and of ``compare`` if the scene supports it; without advice it takes less time."""
+def plan_scene(
+    scene: Scene, asked: str | None, *, as_json: bool, advises: bool = True, pair_tables: Path | None = None
+) -> None:
+    """Print the plan of ``solve``, and of ``compare`` if the scene supports it; without advice it takes less time.
+
+    ``pair_tables``: folder of a drift's tables of pairs.
+    """
     model, problem, notes = choose(standing(scene), asked)
     drifts = scene.reciprocation is not None
     if drifts:
@@ -58,7 +64,7 @@ def plan_scene(scene: Scene, asked: str | None, *, as_json: bool, advises: bool 
     if drifts:
         from runs.evolution.expectation import expectation  # noqa: PLC0415  (only where balls drift)
 
-        evolution = expectation(scene, model, problem, seconds)
+        evolution = expectation(scene, model, problem, seconds, pair_tables)
         # advice is about few balls, without the cell
         seconds, part = evolution["seconds"], out_of_cell(part, ahead)
     else:

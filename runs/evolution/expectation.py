@@ -3,6 +3,7 @@
 import time
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -52,15 +53,18 @@ PICTURES, PER_BALL, PER_PATH = 1.1, 0.04, 0.1
 """Time of the pictures [s]: constant part, per ball that is drawn individually, and per path."""
 
 
-def expectation(scene: Scene, model: Model, problem: Problem, solution: float) -> dict[str, Any]:
+def expectation(
+    scene: Scene, model: Model, problem: Problem, solution: float, tables: Path | None = None
+) -> dict[str, Any]:
     """Return the runs of the table, steps and paths, and time [s] and memory [bytes] of the whole command.
 
-    ``solution`` is the time [s] of the linear solution of all balls. ``parts`` are processor times [s] of one process.
+    ``solution`` is the time [s] of the linear solution of all balls; ``tables`` is the folder of the tables of pairs.
+    ``parts`` are processor times [s] of one process.
     """
     sliding, size = scene.reciprocation, problem.size
     assert sliding is not None
     direct = sliding.forces == "direct" and model.name != "point_load"
-    missing = [] if direct else _missing(scene, model, problem)
+    missing = [] if direct else _missing(scene, model, problem, tables or TABLES)
     table = planned_table(model, missing, scene.tangential_force, scene.budget)
     last, seconds = _path(scene, problem)
     steps, ended = float(last.steps), last.resting or last.sigma >= AT_END * sliding.end
@@ -114,12 +118,12 @@ def sentence(found: Mapping[str, Any], model: str, memory: Mapping[str, str]) ->
     return f"evolve: {said}: {parts}{still}"
 
 
-def _missing(scene: Scene, model: Model, problem: Problem) -> list[Problem]:
+def _missing(scene: Scene, model: Model, problem: Problem, tables: Path) -> list[Problem]:
     """Return the problems that are solved before the first step."""
     if model.name == "point_load":
         deepest = Load("approach", (max(problem.load.values),))
         return [replace(problem, balls=(ball,), load=deepest) for ball in kinds(problem).values()]
-    return table_of(model, problem, scene.tangential_force, TABLES, None, scene.budget).missing_problems()
+    return table_of(model, problem, scene.tangential_force, tables, None, scene.budget).missing_problems()
 
 
 def _by_linear_model(missing: list[Problem], scene: Scene) -> float:

@@ -12,11 +12,12 @@ import pytest
 
 import finite_strain
 from linear_bem.errors import UnsupportedProblem
-from runs import models
+from runs import cli, models
 from runs.commands import plan as planning
 from runs.commands.plan import plan_scene
 from runs.display.plan_words import memory_words
-from runs.evolution import expectation
+from runs.evolution import expectation, pair_table
+from runs.evolution.providers import table_of
 from runs.models import MODELS, as_command, planned_runs, time_on
 from runs.process import machine
 from runs.scene.scene_file import Scene, read_scene
@@ -112,6 +113,24 @@ def test_an_evolution_by_the_linear_model_is_planned_with_its_table(
     assert said is not None
     assert 0.5 < float(said[2]) < float(said[1]) < 120.0  # 2 to 3.3 s for the runs of a pair on rubber
     assert re.search(r"s for 1 path of \d+ steps, [\d.]+ s for the full linear model at start", printed)
+
+
+def test_a_plan_counts_no_runs_of_a_ready_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(pair_table, "MANY", (1.0, 1.5, 2.5, 4.0))
+    drift, model = read_scene(ROOT / "runs" / "scenes" / "experiment_pair_16mm.toml"), MODELS["linear_bem"]
+    ready = tmp_path / "ready"
+    table_of(model, drift.problem, drift.tangential_force, ready).complete()
+    capsys.readouterr()
+    runs = []
+    monkeypatch.chdir(tmp_path)
+    for more in ([], ["--tables", str(ready)]):
+        words = ["plan", str(drift.path), "--model", model.name, "--json", "--no-advice", *more]
+        cli.app(words, standalone_mode=False)
+        runs.append(json.loads(capsys.readouterr().out)["evolution"])
+    assert [found["runs"] for found in runs] == [7, 0]
+    assert runs[1]["parts"]["table"] == 0.0
 
 
 @pytest.mark.parametrize(
