@@ -31,7 +31,7 @@ def _compute(session: Session) -> Document | None:
     if result.steps:
         figures.draw_path(session.out, document["steps"], session.scale, session.model.name)
     figures.draw_surface(session.out, session.problem, document["balls"], session.scale)
-    if session.solutions and session.problem.size <= DRAWN and session.problem.periodic is None:
+    if session.solutions and session.problem.size <= DRAWN:
         figures.draw_contacts(session.out, session.solutions[-1], document["balls"], session.scale)
     session.finish(document["solved"])
     return document

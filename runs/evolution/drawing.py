@@ -1,4 +1,4 @@
-"""Pictures of an evolution: top views at chosen cycles, distances over cycles, animation, ends of an ensemble."""
+"""Pictures of an evolution: top views at chosen cycles, distances over cycles, animation."""
 
 import math
 import textwrap
@@ -178,22 +178,6 @@ def draw_animation(
             axis.draw_artist(artist)
         frames.append(np.array(canvas.buffer_rgba())[..., :3])
     save_gif(frames, folder / "evolution.gif", SECONDS / FRAMES, LAST_SECONDS, COLORS)
-
-
-@look()
-def draw_ensemble(folder: Path, document: Document, balls: HardBalls, length: Unit) -> None:
-    """Write ensemble.png and .svg: how the first nine members ended; nothing for a single run."""
-    members = document["ensemble"][:9]
-    if len(members) < 2:
-        return
-    ends = np.array([member["positions"] for member in members])
-    seen = window(ends, balls.radii)
-    figure, axes = grid(len(members), *_size(seen, 2.3))
-    for axis, member, end in zip(axes, members, ends, strict=True):
-        _draw_balls(axis, end, balls, length)
-        set_window(axis, seen, length)
-        axis.set_title(f"seed {member['seed']}: {member['contacts']} contacts", fontsize=8.5)
-    save_figure(figure, folder, "ensemble")
 
 
 def _draw_balls(

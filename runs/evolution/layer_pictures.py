@@ -34,14 +34,29 @@ def draw_top_views(folder: Path, moments: Sequence[Moment], balls: HardBalls, cy
 
     Without a cell each view has its own scale: it shows all balls.
     """
-    chosen = some(moments)
-    aspects = [height / width for width, height in (np.ptp(_window(m.positions, balls), axis=0) for m in chosen)]
+    views = [(f"{cycles(m.sigma):.3g}", "cycles", m.positions) for m in some(moments)]
+    _draw_views(folder, "top_views", views, balls, length)
+
+
+@look()
+def draw_ensemble(folder: Path, members: Sequence[Mapping[str, Any]], balls: HardBalls, length: Unit) -> None:
+    """Write ensemble.png and .svg: how the first nine members ended, as `draw_top_views`; nothing for a single one."""
+    if len(members) > 1:
+        ends = [(f"seed {m['seed']}:", f"{m['contacts']} contacts", np.array(m["positions"])) for m in members[:9]]
+        _draw_views(folder, "ensemble", ends, balls, length)
+
+
+def _draw_views(
+    folder: Path, stem: str, views: Sequence[tuple[str, str, Array]], balls: HardBalls, length: Unit
+) -> None:
+    """Write STEM.png and .svg: the layer at each of ``views``, which hold two parts of a title and positions."""
+    aspects = [height / width for width, height in (np.ptp(_window(x, balls), axis=0) for *_, x in views)]
     wide, tall = 2.3 * min(1.0, 1.5 / min(aspects)), 2.3 * min(1.5, max(aspects))  # [inch]
-    figure, axes = grid(len(chosen), 0.8 + max(wide, 0.8), 0.9 + max(tall, 0.2))
-    for axis, moment in zip(axes, chosen, strict=True):
-        draw_layer(axis, moment.positions, balls, length)
-        axis.set_title(f"{cycles(moment.sigma):.3g}{' ' if wide > NARROW else chr(10)}cycles")
-    save_figure(figure, folder, "top_views")
+    figure, axes = grid(len(views), 0.8 + max(wide, 0.8), 0.9 + max(tall, 0.2))
+    for axis, (first, second, x) in zip(axes, views, strict=True):
+        draw_layer(axis, x, balls, length)
+        axis.set_title(f"{first}{' ' if wide > NARROW else chr(10)}{second}")
+    save_figure(figure, folder, stem)
 
 
 def draw_layer(axis: Any, x: Array, balls: HardBalls, length: Unit) -> None:

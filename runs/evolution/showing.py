@@ -31,6 +31,7 @@ def draw(
     """Write every picture of the run; ``layer`` holds the rows of `runs.evolution.structure`, if any."""
     assert session.scene.reciprocation is not None
     folder, direction, length = session.out, session.scene.reciprocation.direction, session.scale.units.length
+    layer_pictures.draw_ensemble(folder, document["ensemble"], balls, length)
     if layer:
         layer_pictures.draw_top_views(folder, moments, balls, session.scene.reciprocation.cycles_after, length)
         layer_pictures.draw_structure(folder, layer)
@@ -38,7 +39,6 @@ def draw(
     drawing.draw_top_views(folder, document, balls, direction, length)
     drawing.draw_distances(folder, document, balls, length)
     drawing.draw_animation(folder, document, balls, direction, length)
-    drawing.draw_ensemble(folder, document, balls, length)
 
 
 def show(session: Session, document: Document) -> None:

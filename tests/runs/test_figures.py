@@ -218,6 +218,17 @@ def test_a_picture_that_is_stopped_leaves_the_result_and_the_same_command_draws_
     assert (out / "surface.png").exists()
 
 
+def test_the_contacts_of_a_cell_are_drawn(tmp_path: Path) -> None:
+    file, out = tmp_path / "cell.toml", tmp_path / "out"
+    file.write_text(
+        "[layer]\nyoung = 1.0\npoisson = 0.3\nthickness = 2.0\n[balls]\nradius = 1.0\npositions = [[0, 0], [2.5, 0]]\n"
+        "[load]\napproach = 0.1\n[periodic]\nlengths = [5, 4]\n",
+        encoding="utf-8",
+    )
+    solve_scene(read_scene(file), None, Options(False, out, False))
+    assert (out / "surface.png").stat().st_size > 10_000
+
+
 @pytest.mark.parametrize(("data", "label"), [({"layer": {"young": "1 kPa"}}, "$p$ [kPa]"), (None, "$p$ / E")])
 def test_pressure_is_shown_in_the_scenes_unit(data: Any, label: str, tmp_path: Path) -> None:
     from matplotlib.figure import Figure  # noqa: PLC0415

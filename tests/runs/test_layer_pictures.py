@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from runs.evolution import layer_pictures
+from runs.evolution import layer_pictures, showing
 from runs.evolution.hard_balls import HardBalls
 from runs.scene.units import Unit
 
@@ -31,6 +31,27 @@ def test_a_ball_that_leaves_does_not_empty_the_pictures_before(monkeypatch: pyte
     first, last = drawn(monkeypatch, [PLACES, away]).axes
     assert np.ptp(first.get_xlim()) < 30.0
     assert last.get_xlim()[1] > 1e4
+
+
+def test_the_ends_of_an_ensemble_in_a_cell_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    figures: list[Any] = []
+    monkeypatch.setattr(layer_pictures, "save_figure", lambda figure, *_: figures.append(figure))
+    monkeypatch.setattr(layer_pictures, "draw_structure", lambda *_: None)
+    sliding = SimpleNamespace(direction=(1.0, 0.0), cycles_after=lambda sigma: sigma)
+    session: Any = SimpleNamespace(
+        out=tmp_path, scene=SimpleNamespace(reciprocation=sliding),
+        scale=SimpleNamespace(units=SimpleNamespace(length=Unit("mm", 1e-3))),
+    )  # fmt: skip
+    members = [{"seed": seed, "contacts": 0, "positions": PLACES.tolist()} for seed in range(11)]
+    moments: list[Any] = [SimpleNamespace(positions=PLACES, sigma=0.0)]
+    balls = HardBalls(np.full(4, 5e-3), np.array([30e-3, 40e-3]))
+    showing.draw(session, {"ensemble": members}, moments, balls, [{}])
+    ends, _ = figures
+    assert [axis.get_title("left") for axis in ends.axes] == [f"seed {seed}: 0 contacts" for seed in range(9)]
+    assert [text.get_text() for text in ends.axes[0].texts] == ["0", "1", "2", "3"]
+    figures.clear()
+    showing.draw(session, {"ensemble": members[:1]}, moments, balls, [{}])
+    assert len(figures) == 1
 
 
 @pytest.mark.parametrize("cell", [(100e-3, 30e-3), (30e-3, 100e-3)])
