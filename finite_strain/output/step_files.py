@@ -84,18 +84,18 @@ def _check_room(path: Path, needed: int) -> None:
 
 def missing_files(folder: Path, numbers: Sequence[int], fields: Sequence[str]) -> list[str]:
     """Return a note on files of saved steps that cannot be read, and on ``fields`` that those files do not have."""
-    missing = dict[str, None]()
+    faults = dict[str, None]()
     for path in (folder / f"{stem(number)}.h5" for number in numbers):
         try:
             with _opened(path) as file:
-                missing |= dict.fromkeys(f"field {name}" for name in fields if name not in file["node_fields"])
+                there = file["node_fields"]
+                faults |= dict.fromkeys(f"field {name} is missing" for name in fields if name not in there)
         except OutputUnusable:
-            missing[path.name] = None
-    if not missing:
+            faults[f"{path.name} is {'damaged' if path.exists() else 'missing'}"] = None
+    if not faults:
         return []
     return [
-        f"{', '.join(missing)} missing in {folder}: fields of saved steps are not written again; empty the folder to "
-        "solve again"
+        f"{folder}: {', '.join(faults)}: fields of saved steps are not written again; empty the folder to solve again"
     ]
 
 

@@ -37,14 +37,15 @@ class OutputFolder:
 
     ``identity`` describes the run (command, model, problem, accuracy). Raises `OutputUnusable` if the folder belongs to
     another run, holds other files, or cannot be written. ``stopped``: an earlier process of this run was killed;
-    ``complete``: the run is; ``saved``: the document that an earlier process saved, complete or not.
+    ``complete``: the run is; ``saved``: the document that an earlier process saved, complete or not; ``damaged``: it is
+    unreadable or gone.
     """
 
     def __init__(self, path: Path, identity: Mapping[str, Any], scene_text: str, *, fresh: bool = False) -> None:
         self.path = path
         self.identity = plain(identity, infinity="inf")
         self._lock: IO[str] | None = None
-        self.stopped = self.complete = False
+        self.stopped = self.complete = self.damaged = False
         self.saved: dict[str, Any] | None = None
         try:
             self._open(scene_text, fresh)
@@ -87,7 +88,9 @@ class OutputFolder:
                 "name another --out, or replace that run with --fresh"
             )
         if mark is not None:
-            self.saved = read_json(self.path / "result.json")
+            result = self.path / "result.json"
+            self.saved = read_json(result)
+            self.damaged = self.saved is None and (result.exists() or mark.get("state") == FINISHED)
             self.stopped = locked and mark.get("state") == RUNNING
             # with another number of cycles, or a damaged result, it goes on
             is_same = mark.get("identity") == self.identity

@@ -25,7 +25,7 @@ from runs.process.json_values import Document, to_json
 from runs.process.machine import memory_bytes
 from runs.scene.effects.finite_strain import effect_identity
 from runs.scene.scene_file import Scene
-from runs.session.output_folder import OutputFolder
+from runs.session.output_folder import FIELDS, OutputFolder
 from runs.session.progress import Progress
 from runs.session.terminal import print_status, waiting
 
@@ -75,6 +75,8 @@ class Session:
             self.saved, self.complete = self.folder.saved or {}, self.folder.complete
             if self.folder.stopped:
                 self.report("this run was stopped before: killed, or its machine failed; it resumes from what is saved")
+            if self.folder.damaged:
+                self.report(f"{self.out / 'result.json'} is damaged or was deleted: it is made again")
             if not self.complete:
                 self.folder.log(f"{' '.join(sys.argv)}  on {ranks.rank_and_size()[1]} rank(s)\n{_versions()}")
         try:
@@ -223,7 +225,10 @@ def conduct(
             sys.stdout.write(to_json(document))
         else:
             show(session, document)
-        shown = "this run is complete already: its saved result is shown (--fresh computes again); it is"
+        made = ["steps.csv", FIELDS] if session.plan else ["steps.csv"]
+        gone = ", ".join(name for name in made if not (session.out / name).exists())
+        again = f"--fresh computes again{', also what was deleted: ' if gone else ''}{gone}"
+        shown = f"this run is complete already: its saved result is shown ({again}); it is"
         print_status(f"{shown if already else 'results are'} in {session.out}")
 
 

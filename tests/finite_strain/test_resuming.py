@@ -108,13 +108,13 @@ def test_a_finished_run_is_read_from_its_folder(result: Any, folder: Path) -> No
     assert not [note for note in found.solved.notes if "missing" in note]
 
 
-def test_fields_of_a_finished_run_that_are_missing_are_named(folder: Path, tmp_path: Path) -> None:
-    for name in (NAME, "step_0002.h5"):
-        (tmp_path / name).write_bytes((folder / name).read_bytes())
+def test_fields_of_a_finished_run_that_are_missing_or_damaged_are_named(folder: Path, tmp_path: Path) -> None:
+    shutil.copy(folder / NAME, tmp_path)
+    (tmp_path / "step_0002.h5").write_bytes((folder / "step_0002.h5").read_bytes()[:1000])
     again = Recorder()
     (note,) = [note for note in solve(tmp_path, again).solved.notes if "missing" in note]
     assert not again.attempts
-    assert note.startswith(f"step_0001.h5 missing in {tmp_path}: ")
+    assert note.startswith(f"{tmp_path}: step_0001.h5 is missing, step_0002.h5 is damaged: ")
 
 
 def test_fields_that_an_earlier_run_of_the_folder_did_not_write_are_named(folder: Path, tmp_path: Path) -> None:
@@ -122,7 +122,7 @@ def test_fields_that_an_earlier_run_of_the_folder_did_not_write_are_named(folder
     with h5py.File(tmp_path / "step_0002.h5", "r+") as file:
         del file["node_fields/gap"]
     (note,) = [note for note in solve(tmp_path, Recorder()).solved.notes if "missing" in note]
-    assert note.startswith(f"field gap missing in {tmp_path}: ")
+    assert note.startswith(f"{tmp_path}: field gap is missing: ")
 
 
 def test_the_fields_are_those_of_the_mesh_that_has_the_result(

@@ -10,13 +10,17 @@ import pytest
 
 from linear_bem import Ball, Layer, Load, Problem
 from linear_bem.errors import OutputUnusable
+from runs.commands.solve import solve_scene
 from runs.display import surface
 from runs.evolution.drift import Moment
 from runs.evolution.forces import State
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.pair_table import PairTable
 from runs.evolution.record import Record, file_name
+from runs.scene.scene_file import read_scene
 from runs.session.output_folder import OutputFolder, difference
+from runs.session.session import Options
+from tests.launch import ROOT
 
 
 def test_a_damaged_mark_is_named_and_replaced_where_asked(tmp_path: Path) -> None:
@@ -48,6 +52,26 @@ def test_a_damaged_result_is_computed_again(tmp_path: Path) -> None:
     once_more = OutputFolder(out, {"command": "solve"}, "")
     assert not once_more.complete  # what an interrupted run left is no result
     once_more.close()
+
+
+def test_what_a_complete_run_has_lost_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene, out = read_scene(ROOT / "runs" / "scenes" / "paper_thin_pair_linear.toml"), tmp_path / "out"
+
+    def said() -> str:
+        solve_scene(scene, "point_load", Options(out=out))
+        return capsys.readouterr().err
+
+    assert "deleted" not in said() + said()
+    (out / "steps.csv").unlink()
+    assert "(--fresh computes again, also what was deleted: steps.csv)" in said()
+    result = out / "result.json"
+    whole = result.read_bytes()
+    result.write_bytes(whole[:100])
+    assert f"{result} is damaged or was deleted: it is made again" in said()
+    result.unlink()
+    assert "is damaged or was deleted" in said()
+    assert result.exists()
+    assert (out / "steps.csv").exists()
 
 
 def test_a_damaged_surface_is_named_with_what_it_is_for(tmp_path: Path) -> None:
