@@ -15,7 +15,8 @@ FINEST, COARSEST = 1e-9, 1e-2
 class ReciprocationTable(Table):
     """[reciprocation]: the plate slides back and forth at a fixed height ([load] approach), and the balls drift.
 
-    Computed by `thirdbody evolve`; theory in `runs.evolution`. All balls have one approach. Unequal balls need
+    Computed by `thirdbody evolve`; theory in `runs.evolution`. One flat plate presses all balls: they have
+    equal approaches, or equal tops (each approach is the ball's diameter less one length). Unequal balls need
     `forces = "direct"`, or the model point_load, and cannot drift at finite strain.
     """
 
