@@ -91,6 +91,7 @@ def check_own_energy(problem: Problem) -> None:
         )
     if np.ptp([along, sheared]) == 0.0:
         raise InvalidProblem(f"finite_strain.law: psi(F) must grow with the strain, got {along[1]:g} Pa near F = I")
+    _check_invariance(psi)
     stress = (along[2] - along[0]) / (2.0 * STEP)
     bends = [float(np.diff(values, 2)[0]) / STEP**2 for values in (along, sheared)]
     shear, lame = bends[1] / 4.0, bends[0] - bends[1] / 2.0
@@ -106,7 +107,6 @@ def check_own_energy(problem: Problem) -> None:
             f"finite_strain.law: psi(F) must have second derivatives at F = I, got {bends[0]:.5g} Pa over strains of "
             f"{STEP:g} and {bend:.5g} Pa over {NEARER * STEP:g}; add nothing like a root of a squared strain"
         )
-    _check_invariance(psi)
     is_shear = abs(shear - layer.shear_modulus) <= ALIKE * layer.shear_modulus
     if not is_shear or abs(bends[0] - wanted) > ALIKE * wanted:
         missing, times = layer.lame_first - lame, bends[0] / wanted

@@ -104,7 +104,8 @@ def test_an_own_energy_must_have_the_layers_moduli() -> None:
     check_own_energy(with_law(psi))
     for wrong, words in (
         (lambda F: 2 * psi(F), "got 2 Pa and 0.3"),
-        (lambda F: psi(F) + ufl.tr(F), "no stress at F = I"),
+        (lambda F: psi(F) + ufl.tr(F), "must be objective"),
+        (lambda F: psi(F) + ufl.det(F), "no stress at F = I"),
         (lambda F: F, "an expression of ufl with one finite value for every F near I .*, got"),
         (lambda F: psi(F) + 1e-3 * ufl.sqrt((ufl.det(F) - 1) ** 2), "must have second derivatives at F = I, got"),
         (lambda F: 3.0, "must grow with the strain, got 3 Pa near F = I"),
@@ -124,6 +125,7 @@ def test_an_own_energy_in_another_unit_or_of_another_material_is_named_as_such()
     for wrong, words in (
         (lambda F: psi(F) + LAME / 4 * (ufl.det(F) - 1) ** 2, r"to correct lambda, add -\d"),
         (lambda F: psi(F) + 0.2 * MU * (ufl.dot(F.T, F)[0, 0] - 1) ** 2, "must be isotropic"),
+        (lambda F: psi(F) + 0.2 * MU * ufl.dot(F.T, F)[0, 0], "must be isotropic"),
         (lambda F: psi(F) + MU * ufl.tr(F.T * F), "no stress at F = I"),
     ):
         with pytest.raises(InvalidProblem, match=words):
