@@ -13,7 +13,7 @@ from typing import Any
 from linear_bem.counts import grouped
 from linear_bem.report import seldom, silent
 from linear_bem.result import Step
-from runs.display.numbers import Scale, attraction, duration, leading_ball, number
+from runs.display.numbers import Scale, duration, leading_ball, line_of, number
 from runs.process import signals
 from runs.session.terminal import on_terminal, print_status
 
@@ -186,8 +186,10 @@ class Progress:
         words.append(f"D = {self.scale.both(ball['approach'])}{share}")
         words.append(f"Q = {self.scale.units.force(ball['normal_force'])}")
         if len(balls) > 1:
-            ratio = attraction(balls, leading, ball["tangential_force"]) / ball["normal_force"]
-            words.append(f"T/Q = {number(ratio, 3)}")
+            force = ball["tangential_force"]
+            (x, y), kind = line_of(balls, leading, force)
+            ratio = number((x * force[0] + y * force[1]) / ball["normal_force"], 3)
+            words.append(f"|T|/Q = {ratio}" if kind == "tangential" else f"T/Q = {ratio} ({kind})")
         if "iterations" in step.record:
             words.append(f"{step.record['iterations']} iterations")
         return "   ".join(words)

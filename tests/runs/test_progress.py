@@ -43,7 +43,23 @@ def test_the_steps_of_three_balls_are_told_of_the_one_with_the_largest_force(
     ]
     progress = Progress(Scale(1.0, 1.0), 0.2, root=True, take=lambda _: None)
     progress.step_done(Step(tuple(balls), {"step": 1}), lambda: None)
-    assert "step 1   ball 0   D = 0.1 R (50 % of the load)   Q = 0.2 E R\u00b2   T/Q = 0.005" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "step 1   ball 0   D = 0.1 R (50 % of the load)   Q = 0.2 E R\u00b2   T/Q = 0.005 (attraction)" in said
+
+
+@pytest.mark.parametrize(
+    ("force", "said"), [((-6e-4, 8e-4), "T/Q = -0.005 (separation)"), ((6e-5, 8e-4), "|T|/Q = 0.00401")]
+)
+def test_a_step_says_which_component_of_the_force_it_shows(
+    force: tuple[float, float], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of three balls T is along its own line, as in the tables."""
+    balls = [
+        BallResult(place, 1.0, 0.1, 0.2, t, 0.0, 1.0, 0.1)
+        for place, t in (((-2.0, 0.0), force), ((0.0, 0.0), (0.0, 0.0)), ((2.0, 0.0), (0.0, 0.0)))
+    ]
+    Progress(Scale(1.0, 1.0), 0.2, root=True, take=lambda _: None).step_done(Step(tuple(balls), {}), lambda: None)
+    assert said in capsys.readouterr().err.split("   ")
 
 
 def test_the_share_of_the_load_is_that_of_the_deepest_ball(capsys: pytest.CaptureFixture[str]) -> None:
