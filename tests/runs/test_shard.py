@@ -25,9 +25,9 @@ from runs.studies import Options, read_shard
 from runs.studies.framework import runner
 from runs.studies.framework import study as studies
 from runs.studies.framework.case import Case, varied
-from runs.studies.framework.pair import pair
+from runs.studies.framework.pair import as_seen_by, pair
 from runs.studies.framework.saved_cases import Found, StudyFolder
-from runs.studies.framework.study import BEGIN, END, publish
+from runs.studies.framework.study import BEGIN, END, OUTDATED, publish
 from runs.studies.strengthening.matrix import cases, law_cases
 from tests.launch import STAND_IN, thirdbody
 from tests.runs.saved_paths import path
@@ -215,6 +215,21 @@ def test_constants_are_varied_inside_the_block_alone_and_make_another_case() -> 
     changes = ({"constants": {"linear_bem.solver.STEEP": 0.5}}, {"numerics": {"largest_step": 0.5}}, {"accuracy": 0.1})
     keys = {dataclasses.replace(case, **change).key() for change in changes}  # type: ignore[arg-type]
     assert len(keys - {case.key()}) == 3
+
+
+def test_a_case_that_is_solved_although_its_file_is_there_says_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = Case("any", as_seen_by("point_load", pair(0.1)), "point_load", 0.1)
+
+    def said() -> str:
+        runner.run_cases("any", [case], tmp_path, Options())
+        return capsys.readouterr().err
+
+    assert OUTDATED not in said() + said()
+    file = StudyFolder(tmp_path, "any").file(case)
+    file.write_text(file.read_text(encoding="utf-8").replace(case.key(), "another"), encoding="utf-8")
+    assert f"any{OUTDATED}\n" in said()
 
 
 def test_an_answer_is_published_between_its_marks(tmp_path: Path) -> None:

@@ -32,7 +32,7 @@ def test_answers_that_are_there_make_the_table_and_errors_are_those_against_the_
 
 
 def test_a_case_that_fails_or_has_changed_is_named_below_the_table_and_its_old_answer_is_not_shown(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     normal, tangential = REFERENCE[0.1]
     found = {"code": "NGSolve", "version": "6", "approach": 0.1, "discretisation": "order 2", "unknowns": 20,
@@ -53,6 +53,9 @@ def test_a_case_that_fails_or_has_changed_is_named_below_the_table_and_its_old_a
     assert "| NGSolve 6 |" not in text
     monkeypatch.setattr(answer, "_solve", lambda _, file: str(file.write_text(json.dumps(found | {"key": "later"}))))
     answer.compute(tmp_path, Options(quick=True))
+    assert answer.OUTDATED not in capsys.readouterr().err
+    answer.compute(tmp_path, Options(quick=True))
+    assert f"ngsolve-2x1-0.1{answer.OUTDATED}\n" in capsys.readouterr().err
     assert "- ngsolve-2x1-0.1: not run" in answer.page(tmp_path, quick=True)
 
 

@@ -23,7 +23,7 @@ from runs.studies import Options
 from runs.studies.framework.case import Case, varied
 from runs.studies.framework.page import render
 from runs.studies.framework.saved_cases import DONE, NOT_RUN, Found, StudyFolder
-from runs.studies.framework.study import Study, command
+from runs.studies.framework.study import OUTDATED, Study, command
 
 
 def study_of_cases(
@@ -79,7 +79,7 @@ def _run_case(case: Case, folder: StudyFolder | None, comm: Any, title: str) -> 
                 print_status(f"{title}: {saved['state'] if saved and free else 'another run is computing it'}")
             return
         if folder is not None:
-            print_status(title)
+            print_status(f"{title}{OUTDATED * (saved is None and folder.file(case).exists())}")
         together = case.parallel and not case.alone
         if together or folder is not None:
             if case.parallel and not together:

@@ -33,6 +33,10 @@ class StudyFolder:
         """Return the folder for the case's working files."""
         return self.path / CASES / case.name
 
+    def file(self, case: Case) -> Path:
+        """Return the file of the case's record."""
+        return self.path / CASES / f"{case.name}.json"
+
     def record(self, case: Case) -> dict[str, Any] | None:
         """Return the case's record if its key is current, from this study or from the other one in ``same_as``."""
         saved = _valid(self.path, case.name, case)
@@ -44,13 +48,13 @@ class StudyFolder:
 
     def save(self, case: Case, record: Mapping[str, Any]) -> None:
         """Write a case's record; delete its working files unless it is still running."""
-        write_text(self.path / CASES / f"{case.name}.json", to_json({"key": case.key(), **record}))
+        write_text(self.file(case), to_json({"key": case.key(), **record}))
         if record["state"] != RUNNING:
             shutil.rmtree(self.workspace(case), ignore_errors=True)
 
     def forget(self, case: Case) -> None:
         """Delete everything saved for a case."""
-        (self.path / CASES / f"{case.name}.json").unlink(missing_ok=True)
+        self.file(case).unlink(missing_ok=True)
         shutil.rmtree(self.workspace(case), ignore_errors=True)
 
     @contextmanager

@@ -14,7 +14,7 @@ from runs.process.files import read_json, write_csv, write_text
 from runs.session.progress import print_status
 from runs.studies import Options
 from runs.studies.framework.page import markdown
-from runs.studies.framework.study import Study, timed
+from runs.studies.framework.study import OUTDATED, Study, timed
 from runs.studies.strengthening.materials import LAW_BY_NAME
 
 SIZES = ("2x1", "3x1", "4x1")
@@ -49,9 +49,10 @@ def compute(folder: Path, options: Options) -> None:
     """Run the cases without a saved answer, in this Python or those of the variable PEERS_PYTHON (a:b:c)."""
     for file, arguments in cases(folder, options.quick):
         if options.fresh or _answer(file, arguments) is None:
+            title = f"{file.stem}{OUTDATED * (file.exists() and not options.fresh)}"
             for old in (file, file.with_suffix(FAILED)):
                 old.unlink(missing_ok=True)
-            with timed(file.stem):
+            with timed(title):
                 said = _solve(arguments, file)
                 print_status(said)
             if not file.exists():
