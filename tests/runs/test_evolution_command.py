@@ -1,16 +1,12 @@
-"""The command evolve: every scene starts, a killed run continues to the same result, what f changes, refusals."""
+"""The command evolve: every scene starts, what it prints and draws, what its keys and models change."""
 
 from __future__ import annotations
 
 import csv
 import json
 import re
-import signal
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,37 +14,17 @@ from PIL import Image, ImageSequence
 
 from linear_bem import FiniteStrain, Load, Problem, Result, solve
 from linear_bem.result import Solved, Step
-from runs.evolution import evolving, outcome, pair_table, showing
+from runs.evolution import outcome, pair_table
 from runs.evolution.drawing import COLORS, FRAMES, SECONDS
 from runs.evolution.evolving import evolve_scene
 from runs.models import MODELS, Run, standing
-from runs.process import signals
 from runs.scene.scene_file import OutputTable, Scene, read_scene
 from runs.session.session import Options, left_out
-from tests.launch import ROOT, environment, python, thirdbody
+from tests.launch import ROOT, python, thirdbody
+from tests.runs.three_balls import TEXT, evolved, leave_out_pictures_and_check, sliding, three
 from tests.test_architecture import HEAVY, LOADED
 
 SCENES = sorted((ROOT / "runs" / "scenes").glob("experiment_*.toml"))
-TEXT = """
-[layer]
-thickness = "80 mm"
-young = "57.4 kPa"
-poisson = 0.3
-[balls]
-radius = "10 mm"
-positions = [[0, 0], ["31 mm", "4 mm"], ["11 mm", "35 mm"]]
-shape = "sphere"
-[load]
-approach = "3 mm"
-[reciprocation]
-amplitude = "80 mm"
-cycles = 400
-friction = 20
-perturbation = "0.1 mm"
-seed = 3
-ensemble = 3
-"""
-
 DIMENSIONLESS = """
 [layer]
 thickness = 8.0
@@ -68,40 +44,13 @@ friction = 0.3
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
-    file = tmp_path_factory.mktemp("three") / "three.toml"
-    file.write_text(TEXT, encoding="utf-8")
-    return read_scene(file)
-
-
-def sliding(scene: Scene, **changes: Any) -> Scene:
-    assert scene.reciprocation is not None
-    return replace(scene, drift={**scene.drift, "reciprocation": scene.reciprocation.model_copy(update=changes)})
-
-
-def evolved(scene: Scene, out: Path, model: str = "point_load") -> dict[str, Any]:
-    evolve_scene(scene, model, Options(False, out, False), out.parent / "tables")
-    document: dict[str, Any] = json.loads((out / "result.json").read_text(encoding="utf-8"))
-    return document
-
-
-def leave_out_pictures_and_check(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(showing, "draw", lambda *given: None)
-    patch.setattr(outcome, "direct_check", lambda *given: ([], []))
+    return three(tmp_path_factory.mktemp("three"))
 
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the pictures and the comparison with the full model, which take longest."""
     leave_out_pictures_and_check(monkeypatch)
-
-
-@pytest.fixture(scope="module")
-def whole(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path]:
-    """The document and the folder of a run to the end."""
-    out = tmp_path_factory.mktemp("whole") / "out"
-    with pytest.MonkeyPatch.context() as patch:
-        leave_out_pictures_and_check(patch)
-        return evolved(scene, out), out
 
 
 def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
@@ -166,92 +115,6 @@ def test_the_outcome_of_a_scene_in_radii_is_in_radii(
     assert views.count(">x / R<") == 6
     assert ">distance of the axes / R<" in away
     assert "mm]" not in views + away
-
-
-@pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize("ends", ["on the path", "before it is saved", "in the ensemble"])
-def test_a_killed_run_goes_on_to_the_same_result(
-    ends: str, scene: Scene, whole: tuple[dict[str, Any], Path], tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    expected, reference = whole
-    left = 10**6 if ends == "in the ensemble" else 25
-    member = evolving.Evolution._member
-
-    def dies() -> None:
-        nonlocal left
-        left -= 1
-        if left < 0:
-            raise KeyboardInterrupt
-
-    def dies_soon(*given: Any) -> dict[str, Any]:
-        nonlocal left
-        left = 5
-        return member(*given)
-
-    with monkeypatch.context() as patch:
-        for interval in ("SAVE_INTERVAL", "SAVE_RATIO", "PROGRESS_INTERVAL"):
-            patch.setattr(evolving, interval, -1.0)
-        if ends == "before it is saved":
-            patch.setattr(evolving, "SAVE_INTERVAL", 1e9)
-        patch.setattr(signals, "check", dies)
-        patch.setattr(evolving.Evolution, "_member", dies_soon)
-        with pytest.raises(KeyboardInterrupt):
-            evolved(scene, tmp_path / "killed")
-    half = json.loads((tmp_path / "killed" / "result.json").read_text(encoding="utf-8"))
-    assert not half["solved"]["converged"]
-    left_over = "what follows the path" if ends == "in the ensemble" else "the path"
-    assert f"unfinished: {left_over} is not complete; the same command continues it" in half["solved"]["notes"]
-    assert 0 < len(half["path"]) <= len(expected["path"])
-    with open(tmp_path / "killed" / "steps.csv", encoding="utf-8", newline="") as table:
-        assert len(list(csv.DictReader(table))) == len(half["path"]) * len(scene.problem.balls)
-    said = re.findall(
-        r"^(member \d of \d: )?cycle [\d.e+-]+ of [\d.e+-]+, \d+ steps", capsys.readouterr().err, re.MULTILINE
-    )
-    assert len(said) > 5
-    assert len(half["ensemble"]) == (1 if ends == "in the ensemble" else 0)
-    killed = evolved(scene, tmp_path / "killed")
-    assert killed["solved"]["iterations"] == expected["solved"]["iterations"]
-    assert (tmp_path / "killed" / "steps.csv").read_bytes() == (reference / "steps.csv").read_bytes()
-    for key in ("path", "events", "ensemble", "balls", "rest", "position_error"):
-        assert killed[key] == expected[key], key
-
-
-SLOWLY = """
-from runs.evolution import evolving, outcome, showing
-evolving.SAVE_INTERVAL, evolving.PROGRESS_INTERVAL, showing.draw = 1e9, -1.0, lambda *given: None
-outcome.direct_check = lambda *given: ([], [])
-from runs.cli import main
-main()
-"""
-"""The command, which never saves an unfinished path by itself, says every moment how far it is, and draws nothing."""
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_a_signal_keeps_what_is_computed(scene: Scene, whole: tuple[dict[str, Any], Path], tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    words = [sys.executable, "-c", SLOWLY, "evolve", str(scene.path), "--model", "point_load", "--out", str(out)]
-    for number, waits_for in ((signal.SIGINT, "30 steps"), (signal.SIGTERM, "member 3 of 3")):
-        with subprocess.Popen(words, cwd=ROOT, env=environment(), stderr=subprocess.PIPE, text=True) as process:
-            assert process.stderr is not None
-            for line in process.stderr:
-                if waits_for in line:
-                    break
-            process.send_signal(number)
-            rest = process.stderr.read()
-            assert process.wait(timeout=60.0) == 128 + number
-        assert "stopped; finished steps are saved, and the same command continues from there" in rest
-        half = json.loads((out / "result.json").read_text(encoding="utf-8"))
-        assert half["solved"]["iterations"] >= 30
-        if number == signal.SIGINT:
-            assert half["continuation"]["sigma"] >= half["path"][-1]["sigma"] > 0.0
-        else:
-            assert len(half["ensemble"]) == 2
-    goes_on, expected = (dict(document) for document in (evolved(scene, out), whole[0]))
-    for document in (goes_on, expected):
-        document["solved"] = {key: value for key, value in document["solved"].items() if key != "seconds"}
-    assert goes_on == expected
-    assert (out / "steps.csv").read_bytes() == (whole[1] / "steps.csv").read_bytes()
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -11,7 +11,7 @@ from runs.evolution.evolving import evolve_scene
 from runs.scene.scene_file import read_scene
 from runs.session.session import Options
 from tests.launch import ROOT, thirdbody
-from tests.runs.test_evolution_command import TEXT
+from tests.runs.three_balls import TEXT
 
 
 @pytest.mark.parametrize(
