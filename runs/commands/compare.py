@@ -25,7 +25,7 @@ from runs.session.session import Options, Session, conduct
 
 def compare_scene(scene: Scene, options: Options) -> None:
     """Compare both models on ``scene``, save the run and print the answer."""
-    if "periodic" in scene.effects:
+    if "periodic" in scene.effects and "reciprocation" not in scene.effects:
         raise UnsupportedProblem(
             f"{scene.path}: compare needs both models, and finite strain does not support [periodic]; drop it, "
             "or use solve"

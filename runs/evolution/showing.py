@@ -66,7 +66,8 @@ def sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
     assert sliding is not None
     periodic, rolling = scene.drift.get("periodic"), scene.drift.get("rolling_resistance")
     contacts = members[0]["contacts"]
-    lines = [outcome.rest_sentence(document["rest"], contacts, end["cycle"], 0.0 if rolling is None else rolling.share)]
+    rest = outcome.rest_sentence(document["rest"], contacts, end["cycle"], 0.0 if rolling is None else rolling.share)
+    lines = [f"the first of {len(members)} members (seed {sliding.seed}): {rest}" if len(members) > 1 else rest]
     if len(members) == 1:
         cell = None if periodic is None else np.array(periodic.lengths)
         lines.append(outcome.arrangement_sentence(members[0], problem.positions, cell, length))

@@ -60,6 +60,7 @@ def test_one_command_gives_path_pictures_and_sentences(tmp_path: Path) -> None:
     done = thirdbody("evolve", file, "--model", "point_load", "--out", out)
     assert done.returncode == 0, done.stderr
     assert "at rest after" in done.stdout
+    assert "the first of 3 members (seed 3): at rest after " in done.stdout
     assert "3 of 3 members end with 3 contacts in 1 cluster of 3" in done.stdout
     for words in ("are in one cluster", "are at rest"):
         assert re.search(rf"3 of 3 members {words} after [\d.e+]+ ± [\d.e+-]+ cycles \([\d.]+ to [\d.]+\)", done.stdout)

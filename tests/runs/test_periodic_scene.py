@@ -34,6 +34,7 @@ approach = 0.1
 tangential_force = 1e-2
 """
 CELL = "[periodic]\nlengths = [4.5, 2.4]\n"
+SLIDING = "[reciprocation]\namplitude = 1.0\ncycles = 1\nfriction = 0.1\n"
 LOADED = """
 import sys
 from runs.cli import main
@@ -99,10 +100,10 @@ def test_a_comparison_in_a_cell_is_refused_before_any_work(tmp_path: Path) -> No
     scene = read_scene(written(tmp_path))
     with pytest.raises(UnsupportedProblem, match=r"compare needs both models.*does not support \[periodic\]; drop it"):
         compare_scene(scene, Options(False, tmp_path / "out", False))
+    drift = read_scene(written(tmp_path, SCENE + CELL.replace("2.4", "4.5") + SLIDING))
+    with pytest.raises(UnsupportedProblem, match="use `thirdbody evolve"):  # solve, too, has no use for it
+        compare_scene(drift, Options(False, tmp_path / "out", False))
     assert not (tmp_path / "out").exists()
-
-
-SLIDING = "[reciprocation]\namplitude = 1.0\ncycles = 1\nfriction = 0.1\n"
 
 
 @pytest.mark.parametrize("more", ["", SLIDING])
