@@ -140,7 +140,7 @@ class PairTable:
         try:
             data = json.loads(self.path.read_text(encoding="utf-8"))
             return TypeAdapter(States).validate_python(data) if data["identity"] == self.identity else States()
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return States()
         except ValidationError as error:
             first = error.errors()[0]

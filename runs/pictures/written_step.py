@@ -93,9 +93,10 @@ def read_step(path: Path, number: int, field: str | None = None) -> WrittenStep:
             names = [name for name in there if name != "displacement"] if field is None else [field]
             for name in ("displacement", *names):
                 if name not in there:
+                    other = "every picture needs it: " if name == "displacement" else "name another --field, or "
                     raise OutputUnusable(
-                        f"{path}: holds no field {name} (there are {', '.join(there)}); name another --field, "
-                        "or add it to [output] fields and run the scene again"
+                        f"{path}: holds no field {name} (there are {', '.join(there)}); {other}add it to [output] "
+                        "fields and run the scene again"
                     )
             columns = [file.attrs[f"ball_{name}"][:] for name in ("positions", "radii", "approaches", "shapes")]
             drawn = file["ball_outlines"][:] if "ball_outlines" in file else np.full((len(columns[0]), 1), np.nan)

@@ -119,8 +119,8 @@ def test_a_damaged_table_of_pairs_is_named_and_computed_again(text: str, fault: 
         Layer(1.0, 0.3, 2.0), (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0)), Load("approach", (0.1, 0.1))
     )
 
-    def opened() -> PairTable:
-        return PairTable(problem, "linear_bem", lambda *_: pytest.fail("nothing is to be solved"), tmp_path, {})
+    def opened(folder: Path = tmp_path) -> PairTable:
+        return PairTable(problem, "linear_bem", lambda *_: pytest.fail("nothing is to be solved"), folder, {})
 
     table = opened()
     assert not table.damage
@@ -131,6 +131,7 @@ def test_a_damaged_table_of_pairs_is_named_and_computed_again(text: str, fault: 
     assert again.missing == table.missing
     assert again.damage.startswith(f"{table.path}: cannot be read ({fault}")
     assert again.damage.endswith("; its runs are computed again")
+    assert not opened(table.path).damage  # a file in place of the folder: refused when the table is saved
 
 
 def test_a_run_of_many_other_balls_is_named_by_the_first_of_them() -> None:

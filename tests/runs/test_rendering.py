@@ -188,6 +188,12 @@ def test_what_cannot_be_drawn_is_refused_in_plain_words(run: Path, tmp_path: Pat
         read_size("large")
     with pytest.raises(OutputUnusable, match=r"holds no field pressure .there are displacement, von_mises"):
         render_run(run, field="pressure")
+    shutil.copytree(run, tmp_path / "flat")
+    for file in (tmp_path / "flat").rglob("*.h5"):
+        with h5py.File(file, "r+") as opened:
+            del opened["node_fields/displacement"]
+    with pytest.raises(OutputUnusable, match=r"holds no field displacement .*; every picture needs it: add it to"):
+        render_run(tmp_path / "flat")
     with pytest.raises(OutputUnusable, match="holds no written fields"):
         render_run(tmp_path)
 
