@@ -32,7 +32,7 @@ def run_to_end(task: Callable[[], int | None]) -> NoReturn:
         sys.stdout.flush()
     except BaseException as error:
         code, words = _verdict(error)
-    if words and ranks.is_root() and not signals.spoken():
+    if words and ranks.is_root():
         print(words, file=sys.stderr, flush=True)
     if code:
         ranks.end_together(code, last_words=words, patience=1.0 if signals.received() else ranks.PATIENCE)
@@ -48,7 +48,10 @@ def run_to_end(task: Callable[[], int | None]) -> NoReturn:
 
 def _verdict(error: BaseException) -> tuple[int, str]:
     if signals.received() or isinstance(error, KeyboardInterrupt):
-        return 128 + (signals.received() or signal.SIGINT), signals.last_words()
+        code = 128 + (signals.received() or signal.SIGINT)
+        saves = sys.argv[1:2] == ["study"] or signals.resumable
+        kept = "; finished steps are saved, and the same command continues from there" if saves else ""
+        return code, f"thirdbody: stopped{kept}"
     if isinstance(error, SystemExit):
         return (error.code if isinstance(error.code, int) else 1), ""
     if isinstance(error, ThirdBodyError):

@@ -6,7 +6,6 @@ import time
 from typing import Any
 
 from linear_bem.errors import MissingDependency
-from runs.process import signals
 
 LAUNCHERS = (
     ("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"),
@@ -60,8 +59,6 @@ def joined() -> bool:
 def world() -> Any:
     """Return the communicator of all ranks; raises `MissingDependency` without mpi4py or its MPI's launcher."""
     global _farewell  # noqa: PLW0603
-    if _farewell is None and launched() and is_root():
-        signals.speak_at_once()
     try:
         from mpi4py import MPI  # noqa: PLC0415  (only a run that needs MPI loads it)
     except ImportError as error:

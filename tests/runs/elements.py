@@ -3,8 +3,7 @@
 Run as a script, it is the command line with this stand-in; ``ELEMENTS`` in the environment says what goes wrong:
 "stop" (not converged on all ranks), "lost" (rank 1 alone fails), "blocked" (the result
 can no longer be written), "kill" (the process ends without a word),
-"swallow" (a solver that takes an interruption for a failed iteration), "deaf" (one that answers no signal for a while),
-each after two steps.
+"swallow" (a solver that takes an interruption for a failed iteration), each after two steps.
 """
 
 from __future__ import annotations
@@ -150,9 +149,6 @@ def _go_wrong(comm: Any, observer: Observer, out: Path) -> None:
             except KeyboardInterrupt:
                 print("taken for a failed iteration", file=sys.stderr, flush=True)
             observer.newton(2, 1e-9)
-        case "deaf":
-            print("waiting", file=sys.stderr, flush=True)
-            sum(range(10**10))  # in C, like the work of a direct solver
 
 
 def _state(problem: Problem, fraction: float, number: int, model: str, accuracy: float) -> Step:

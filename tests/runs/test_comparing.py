@@ -17,7 +17,7 @@ import pytest
 from linear_bem import solve
 from runs.reporting import page_of, read_folder
 from runs.scene.scene_file import read_scene
-from tests.launch import ROOT, STAND_IN, environment, launcher_forwards_last_words, thirdbody
+from tests.launch import ROOT, STAND_IN, environment, thirdbody
 from tests.runs.test_command_line import strict
 from tests.scenes import thin_pair
 
@@ -196,26 +196,6 @@ def test_a_signal_is_no_failed_iteration_and_the_run_continues_to_the_same_answe
     assert "step 2 " not in done.stderr
     assert state(tmp_path / "out") == "finished"
     assert_same(strict(done.stdout), compared[0])
-
-
-@pytest.mark.mpi
-@pytest.mark.skipif(not launcher_forwards_last_words(), reason="this mpirun prints nothing after a signal")
-def test_ctrl_c_under_a_launcher_is_answered_even_in_the_midst_of_a_solver(tmp_path: Path) -> None:
-    launcher = [shutil.which("mpirun") or "mpirun", "-n", "2", "--bind-to", "none", "--oversubscribe"]
-    command = [*launcher, sys.executable, "-m", STAND_IN, "compare", str(SCENE), "--out", str(tmp_path / "out")]
-    with subprocess.Popen(
-        command, cwd=ROOT, env=environment({"ELEMENTS": "deaf"}), stderr=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stderr is not None
-        for line in process.stderr:
-            if line.startswith("waiting"):
-                break
-        process.send_signal(signal.SIGINT)
-        rest = process.stderr.read()
-        assert process.wait(timeout=30.0) != 0
-    assert rest.count("stopped; finished steps are saved, and the same command continues from there") == 1
-    again = run(1, "compare", tmp_path / "out")
-    assert "it resumes from what is saved" in again.stderr
 
 
 def test_solving_by_finite_elements_draws_its_path(tmp_path: Path) -> None:
