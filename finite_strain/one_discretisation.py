@@ -15,6 +15,7 @@ from finite_strain.discretisation.discrete_model import Meshed, Model
 from finite_strain.discretisation.point_location import Locations
 from finite_strain.equilibrium.load_path import LoadPath, State, StepRecord
 from finite_strain.equilibrium.newton import NewtonSolver
+from finite_strain.force.contact_area import contact_areas
 from finite_strain.force.contact_extremes import Extremes
 from finite_strain.force.domain_integral import ForceMeter
 from finite_strain.geometry.load_control import prescribed
@@ -88,7 +89,7 @@ class ModelRun:
     def state(self, fraction: float) -> ContactState:
         """Return the results of the model in its present state (collective)."""
         model = self.model
-        forces, areas = model.forces(), model.readings.contact_areas()
+        forces, areas = model.forces(), contact_areas(model)
         extremes = self.extremes()
         return ContactState(
             fraction=fraction, approach=model.contact.approaches.copy(), normal_force=forces[:, 2],

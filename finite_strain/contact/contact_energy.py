@@ -80,7 +80,6 @@ class _Slot:
         earlier = positive(-self._gap(contact, contact.earlier, self.fields["earlier"]))
         self.overlap = earlier * contact.augmented
         self.pressed = positive(self.overlap - self.gap)
-        self.touches = ufl.gt(ufl.conditional(ufl.gt(contact.augmented, 0), earlier, 0), self.gap)
         self.pressure = self.fields["penalty"] * self.pressed * area
         self.density = self.fields["penalty"] / 2 * (self.pressed**2 - self.overlap**2) * area
 
@@ -193,14 +192,12 @@ class Contact:
         """Set the weights (balls,) of the balls in `readings`, `configurational_form`, `pressure` and `penetration`."""
         self.set("chosen", balls)
 
-    def readings(self, stretch: Any) -> dict[str, Any]:
-        """Return forms of the chosen balls by name, for the area ratio ``stretch`` of the deformed surface.
+    def readings(self) -> dict[str, Any]:
+        """Return forms of the chosen balls by name.
 
-        The force along "x", "y" and "normal" [N], its "stiffness" [N/m], "area" [m^2], and over the undeformed surface
-        "moment", int p g [N m], and "weight", int p [N]. Forces are the derivative of the potential by the ball's
-        position, with the sign of the force on the ball; the stiffness is the second derivative by its approach. The
-        area is where the gap is below the penetration of the multipliers' source, zero without multipliers: under stiff
-        penalties the pressure oscillates and vanishes at points of the contact.
+        The force along "x", "y" and "normal" [N], its "stiffness" [N/m], and over the undeformed surface "moment",
+        int p g [N m], and "weight", int p [N]. Forces are the derivative of the potential by the ball's position, with
+        the sign of the force on the ball; the stiffness is the second derivative by its approach.
         """
         sums: dict[str, Any] = {}
         for slot in self.slots:
@@ -208,7 +205,6 @@ class Contact:
             values = {
                 "x": -ufl.diff(slot.density, slot.x), "y": -ufl.diff(slot.density, slot.y), "normal": normal,
                 "stiffness": ufl.diff(normal, slot.approach),
-                "area": ufl.conditional(slot.touches, stretch, 0),
                 "moment": slot.pressure * slot.gap, "weight": slot.pressure,
             }  # fmt: skip
             for name, value in values.items():

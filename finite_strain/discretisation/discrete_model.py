@@ -112,7 +112,7 @@ class Model:
         pairs = list(zip(fields, self._direction.functions, strict=True))
         self._products = [sum(ufl.derivative(r, f, d) for f, d in pairs) for r in residuals]
         inside = {"strain_energy": lambda psi, _: psi, "eshelby": self._eshelby}
-        surface = self.contact.readings(self.stretch) | {"contact_energy": self.contact.energy}
+        surface = self.contact.readings() | {"contact_energy": self.contact.energy}
         surface["configurational"] = self.contact.configurational_form(self.weight, self.axis)
         self.readings = Readings(self.contact, self.volume_integral, inside, surface)
         self._by_move = ufl.derivative(surface["normal"], self.displacement, ufl.TestFunction(self.space))

@@ -1,4 +1,4 @@
-"""Integrals over a model's state (energies, forces, areas): parts of two compiled forms, over cells and top facets.
+"""Integrals over a model's state (energies, forces): parts of two compiled forms, over cells and top facets.
 
 One form per part would take the compiler several times as long. All parts of a form are evaluated together, so no
 part may be infinite when another one is requested.
@@ -60,10 +60,6 @@ class Readings:
             self.contact.choose(np.eye(len(values))[number])
             values[number] = [ball.copies * self._own((name,)) for name in names]
         return np.asarray(self.comm.allreduce(values, op=MPI.SUM))
-
-    def contact_areas(self) -> np.ndarray:
-        """Return the contact area (balls,) [m^2] of whole balls (collective)."""
-        return self.per_ball("area")[:, 0]
 
     def mean_gaps(self) -> np.ndarray:
         """Return the pressure-weighted mean gap [m] under each ball (balls,); zero without pressure (collective)."""

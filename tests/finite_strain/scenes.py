@@ -157,7 +157,9 @@ class Rig:
         """Return the radius (balls,) [m] of every model ball's contact, as a run uses them for domain integrals."""
         import numpy as np  # noqa: PLC0415
 
-        return np.sqrt(self.model.readings.contact_areas() / math.pi)
+        from finite_strain.force.contact_area import contact_areas  # noqa: PLC0415
+
+        return np.sqrt(contact_areas(self.model) / math.pi)
 
     def normal_forces(self) -> np.ndarray:
         """Return Q (balls,) [N] of whole balls."""
