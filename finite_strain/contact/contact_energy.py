@@ -232,9 +232,9 @@ class Contact:
         return sum(slot.fields["chosen"] * slot.pressure * slot.steepness for slot in self.slots)
 
     def penetration(self) -> Any:
-        """Return the penetration of the surface into a chosen ball in contact [m], also an expression."""
+        """Return the distance of the surface inside a chosen ball in contact [m], also an expression."""
         return sum(
-            ufl.conditional(ufl.gt(slot.fields["chosen"] * slot.pressure, 0), positive(-slot.gap), 0)
+            ufl.conditional(ufl.gt(slot.fields["chosen"] * slot.pressure, 0), positive(-slot.gap) / slot.steepness, 0)
             for slot in self.slots
         )
 

@@ -12,6 +12,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 from finite_strain.compat import geometry_dofs
+from finite_strain.discretisation.nodal_values import on_top
 from finite_strain.force.contact_area import contact_areas
 from finite_strain.force.contact_extremes import Extremes
 from finite_strain.geometry.extent import Extent
@@ -223,6 +224,17 @@ def test_the_contact_area_is_that_of_the_deformed_surface(model: Model) -> None:
     # at finite strain the ball touches two thirds of that part of the body, stretched over the same circle;
     # points of the grids on the facets in or out
     assert contact_areas(model)[0] == relatively(area, 5e-3)
+
+
+def test_penetration_of_a_steep_flank_is_a_distance(tmp_path: Path) -> None:
+    plan = coarse_plan(on_layer(balls_at((0.0, 0.0), shape="paraboloid"), Load("approach", (0.5,)), poisson=0.3))
+    model = coarse_rig(plan, tmp_path).model
+    flat(model, [0.5])
+    away = np.linalg.norm(model.space.tabulate_dof_coordinates()[:, :2], axis=1)
+    top = on_top(model.space, model.facet_tags) & (away < 1.0)  # the slope of the flank is the distance from the axis
+    model.nodal[:, 2] = 0.5 * away**2 - 0.5 + np.where(top, 1e-3 * away, 0.0)
+    distances = 1e-3 * away[top] / np.hypot(1.0, away[top])
+    assert Extremes(model)()[0, 1] == relatively(distances.max(), 1e-6)
 
 
 @pytest.mark.parametrize("distance", [1.55, 3.0], ids=["overlapping", "apart"])
