@@ -23,7 +23,9 @@ from linear_bem.problem import Load, Problem
 from linear_bem.result import BallResult
 from linear_bem.solver import solve
 
-UNSURE = ("transfer", "force_transfer")
+MEASURED = {"contact_area": "area_transfer", "peak_pressure": "peak_transfer"}
+"""Results without influence on others, and the names of the uncertain parts of their corrections."""
+UNSURE = ("transfer", "force_transfer", *MEASURED.values())
 LINEAR_ACCURACY = 0.03
 """Accuracy requested from linear_bem over that requested from the run."""
 FAINT = 1e-3
@@ -59,11 +61,12 @@ class Answers:
         except ThirdBodyError as error:
             return str(error)
         chosen = [(ball.index, balls[ball.index]) for ball in plan.reduction.balls]
-        names = ("normal_force", "approach", "contact_area", "peak_pressure")
+        names = ("normal_force", "approach", *MEASURED)
         return LinearTruth(
             tangential_force=np.array([plan.reduction.to_model(i, ball.tangential_force) for i, ball in chosen]),
             error=np.array([ball.tangential_force_error for _, ball in chosen]),
             **{name: np.array([getattr(ball, name) for _, ball in chosen]) for name in names},
+            **{f"{name}_error": np.array([ball.errors[name] for _, ball in chosen]) for name in MEASURED},
         )
 
     def answer(self, step: int, account: SolverAccount, said: LinearTruth | str) -> Answer:
@@ -103,8 +106,9 @@ class Answers:
         if self.plan.problem.load.kind == "total_force":
             parts = _pressed(now, before, "normal_force") * np.hypot(pressed, unsure_force)
             through["normal_force"] = parts + missed_force
+        through |= self._errors_of_contact(account.fraction, now, before, truth)
         return Answer(
-            **vars(account), balls=self._balls(fine, now, pull, truth, doubt * _total(terms), through), step=step,
+            **vars(account), balls=self._balls(fine.own, now, pull, doubt * _total(terms), through), step=step,
             linear_failure=said if isinstance(said, str) else "",
             error_terms={n: self._per_ball(term) for n, term in zip(TERMS, shown, strict=True)},
             pair_weight=self._per_ball(now.weight), imbalance=imbalance,
@@ -134,19 +138,14 @@ class Answers:
         return fine, now, before
 
     def _balls(
-        self, fine: Row, now: Paired, pull: np.ndarray, truth: LinearTruth | None, error: np.ndarray,
-        through: Mapping[str, np.ndarray],
-    ) -> tuple[BallResult, ...]:  # fmt: skip
+        self, own: ContactState, now: Paired, pull: np.ndarray, error: np.ndarray, through: Mapping[str, np.ndarray]
+    ) -> tuple[BallResult, ...]:
         """Return the state of every ball of the scene.
 
-        ``pull`` (balls, 2) [N] is T, ``error`` (balls,) [N] its error; ``through`` has the errors (balls,) of the
-        force [N] or approach [m] that is not prescribed.
+        ``pull`` (balls, 2) [N] is T, ``error`` (balls,) [N] its error; ``through`` has the errors (balls,) of other
+        results, first that of the force [N] or approach [m] that is not prescribed.
         """
-        own, reduction = fine.own, self.plan.reduction
-        area, peak = own.contact_area, own.peak_pressure
-        if truth is not None and fine.small is not None:
-            area = area * ratio(truth.contact_area, fine.small.contact_area, empty=1.0) ** now.weight
-            peak = peak * ratio(truth.peak_pressure, fine.small.peak_pressure, empty=1.0) ** now.weight
+        reduction = self.plan.reduction
         routes = {
             "domain": now.tangential_force, "domain_without_pair": own.tangential_force,
             "traction": own.traction_force,
@@ -160,7 +159,7 @@ class Answers:
             x, y, radius = map(float, (*ball.position, ball.radius))  # whole numbers of numpy are not written as JSON
             balls.append(BallResult(
                 (x, y), radius, float(now.approach[b]), float(now.normal_force[b]), force, float(error[b]),
-                float(peak[b]), float(area[b]), dict(zip(routes, others, strict=True)),
+                float(now.peak_pressure[b]), float(now.contact_area[b]), dict(zip(routes, others, strict=True)),
                 {name: float(off[b]) for name, off in through.items()},
             ))  # fmt: skip
         return tuple(balls)
@@ -174,10 +173,7 @@ class Answers:
             return paired(row.own, row.small, truth, scale, self.forces_given, unsure(self._steepest(row.own)))
         # the small-strain model itself: its error is known
         known = paired(row.own, row.own, truth, scale, self.forces_given, 1.0)
-        own = unpaired(row.own)
-        wrong = np.linalg.norm(known.per_squared_force - own.per_squared_force, axis=1)
-        share = getattr(known, self.follows) / np.maximum(getattr(own, self.follows), 1e-300)
-        return replace(own, transfer=wrong, force_transfer=np.abs(share - 1.0))
+        return replace(unpaired(row.own), **{name: getattr(known, name) for name in UNSURE})
 
     def _steepest(self, own: ContactState) -> float:
         """Return the largest slope of an indenter at the edge of its contact; at least the root of D / h."""
@@ -191,7 +187,8 @@ class Answers:
     def compare(self, fraction: float, said: LinearTruth | str) -> None:
         """Store the changes from the coarser discretisation at a load without an answer; see `answer`."""
         truth = None if isinstance(said, str) else said
-        self._changed(fraction, *self._at(fraction, truth)[1:], truth)
+        for changes in (self._changed, self._errors_of_contact):
+            changes(fraction, *self._at(fraction, truth)[1:], truth)
 
     def _changed(
         self, fraction: float, now: Paired, before: Paired, truth: LinearTruth | None
@@ -210,6 +207,20 @@ class Answers:
         apart, moved = self._change("R", fraction, change), self._change("Q", fraction, share)
         pressed = self._change("parts", fraction, parts) if self.forces_given else moved
         return apart, moved, gain(self.fine.level, self.coarse.level) * pulled, pressed
+
+    def _errors_of_contact(
+        self, fraction: float, now: Paired, before: Paired, truth: LinearTruth | None
+    ) -> dict[str, np.ndarray]:
+        """Return the errors (balls,) of contact areas [m^2] and peak pressures [Pa]; store changes like `_changed`."""
+        errors = {}
+        for name, left in MEASURED.items():
+            value, known = _pressed(now, before, name), np.zeros_like(now.approach)
+            change = ratio(np.abs(getattr(now, name) - getattr(before, name)), value)
+            if truth is not None:
+                change = change * self.plan.is_paired  # else the error is known
+                known = np.where(value > 0.0, getattr(truth, f"{name}_error"), getattr(truth, name))
+            errors[name] = value * np.hypot(self._change(name, fraction, change), getattr(now, left)) + known
+        return errors
 
     def _change(self, name: str, fraction: float, change: np.ndarray) -> np.ndarray:
         """Return the discretisation error (balls,) from the changes at nearby loads; store this one for the others.

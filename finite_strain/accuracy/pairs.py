@@ -5,6 +5,7 @@ finite-strain answer. `linear_bem` gives the exact small-strain solution; the sm
 
     at given approach:  Q = Q_f (Q_l / Q_s)^c,  T / Q^2 = (T/Q^2)_f + c ((T/Q^2)_l - (T/Q^2)_s)
     at given force:     D = D_f + c (D_l - D_s),  T / Q^2 as above,
+    contact areas and peak pressures as Q,
 
 f, s: finite and small strain on the discretisation, l: linear_bem. Differences of T / Q^2 are valid even where T passes
 through zero. The weight c is 1 where T / Q^2 of the two problems is similar and falls to 0 where they differ strongly.
@@ -32,7 +33,7 @@ measured values: 0.001 at D = 1e-4 R, 0.003 at 1e-3 R, 0.005 at 0.01 R, 0.014 at
 class LinearTruth:
     """The result of `linear_bem` for the balls of the model: Q [N], D [m] (balls,), T (balls, 2) and its error [N].
 
-    Also ``contact_area`` [m^2] and ``peak_pressure`` [Pa] (balls,).
+    Also ``contact_area`` [m^2] and ``peak_pressure`` [Pa] (balls,), with their errors.
     """
 
     normal_force: np.ndarray
@@ -41,6 +42,8 @@ class LinearTruth:
     error: np.ndarray
     contact_area: np.ndarray
     peak_pressure: np.ndarray
+    contact_area_error: np.ndarray
+    peak_pressure_error: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,7 @@ class Paired:
     """The answer of one discretisation (arrays per ball of the model).
 
     ``transfer`` (balls,) [1/N] is the uncertain part of the correction of T / Q^2; ``force_transfer`` (balls,) the
-    same of Q or D, relative; ``weight`` (balls,) is c.
+    same of Q or D, relative, as ``area_transfer`` and ``peak_transfer``; ``weight`` (balls,) is c.
     """
 
     normal_force: np.ndarray
@@ -57,6 +60,10 @@ class Paired:
     transfer: np.ndarray
     force_transfer: np.ndarray
     weight: np.ndarray
+    contact_area: np.ndarray
+    peak_pressure: np.ndarray
+    area_transfer: np.ndarray
+    peak_transfer: np.ndarray
 
     @property
     def tangential_force(self) -> np.ndarray:
@@ -66,8 +73,8 @@ class Paired:
 
 def unpaired(own: ContactState) -> Paired:
     """Return the uncorrected answer of the discretisation."""
-    none = np.zeros(len(own.normal_force))
-    return Paired(own.normal_force, own.approach, own.per_squared_force, none, none, none)
+    none, areas = np.zeros(len(own.normal_force)), (own.contact_area, own.peak_pressure)
+    return Paired(own.normal_force, own.approach, own.per_squared_force, none, none, none, *areas, none, none)
 
 
 def unsure(slope: float) -> float:
@@ -91,13 +98,21 @@ def paired(
     unlike = _length(own.per_squared_force - small.per_squared_force) / largest
     weight = np.clip((UNLIKE - unlike) / (UNLIKE - ALIKE), 0.0, 1.0)
     transfer = _length(correction) * np.clip(unlike / np.maximum(1.0 - unlike, 0.5), least, 1.0)
-    name = "approach" if forces_given else "normal_force"
-    known, own_value, small_value = (getattr(each, name) for each in (truth, own, small))
-    factor = ratio(known, small_value, empty=1.0)
-    value = own_value + weight * (known - small_value) if forces_given else own_value * factor**weight
-    apart = np.maximum(np.abs(ratio(own_value, small_value, empty=1.0) - 1.0), least)
     per_squared = own.per_squared_force + weight[:, None] * correction
-    answer = Paired(own.normal_force, own.approach, per_squared, transfer, np.abs(factor - 1.0) * apart, weight)
+
+    def corrected(name: str) -> tuple[np.ndarray, np.ndarray]:
+        known, own_value, small_value = (getattr(each, name) for each in (truth, own, small))
+        factor = ratio(known, small_value, empty=1.0)
+        apart = np.maximum(np.abs(ratio(own_value, small_value, empty=1.0) - 1.0), least)
+        value = own_value + weight * (known - small_value) if name == "approach" else own_value * factor**weight
+        return value, np.abs(factor - 1.0) * apart
+
+    name = "approach" if forces_given else "normal_force"
+    value, left = corrected(name)
+    (area, area_left), (peak, peak_left) = corrected("contact_area"), corrected("peak_pressure")
+    answer = Paired(
+        own.normal_force, own.approach, per_squared, transfer, left, weight, area, peak, area_left, peak_left
+    )
     return replace(answer, **{name: value})
 
 

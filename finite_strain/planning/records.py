@@ -158,7 +158,8 @@ class Record:
 
     ``reached`` is the largest error of T at full load over ``scale`` [N]; ``stopped`` says why it did not reach full
     load; ``changes`` are the changes (balls,) from the coarser discretisation at the rows: "R" of T / Q^2 [1/N], "Q"
-    of the force or approach that is not prescribed, "parts" of the balls' parts of the forces (both relative).
+    of the force or approach that is not prescribed, "parts" of the balls' parts of the forces, "contact_area" and
+    "peak_pressure" (these relative).
     ``stiffened`` is how often penalties were raised at full
     load; ``resolved`` is False if elements are nearly inverted there.
     """

@@ -156,7 +156,12 @@ def _state(balls: Sequence[Mapping[str, Any]], index: int, scale: Scale, solved:
     if scale.unlike:
         shown["its radius"] = units.length(ball["radius"])
     if ball["contact_area"] is not None:  # models without pressures do not compute it
-        shown["contact radius"] = units.length(math.sqrt(ball["contact_area"] / math.pi), 3)
+        area, peak, errors = ball["contact_area"], ball["peak_pressure"], ball.get("errors", {})
+        size, pressure = units.length, units.pressure
+        radius, share = math.sqrt(area / math.pi) / size.size, errors.get("contact_area", 0.0) / area if area else 0.0
+        shown["contact radius"] = f"{with_error(radius, 0.5 * share * radius)} {size.name}"
+        off = errors.get("peak_pressure", 0.0) / pressure.size
+        shown["peak pressure"] = f"{with_error(peak / pressure.size, off)} {pressure.name}"
     if len(balls) > 1:
         symbol = ("|T|" if sized else "T") + ("" if kind == "tangential" else f" ({kind})")
         shown |= {

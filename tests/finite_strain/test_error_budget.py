@@ -126,7 +126,8 @@ def test_where_changes_grow_with_the_load_the_line_through_those_next_to_a_load_
 
 def seen(force: float, pull: float) -> Paired:
     ball, none = np.array([force]), np.zeros(1)
-    return Paired(ball, np.array([0.1]), np.array([[pull / force**2 if force else 0.0, 0.0]]), none, none, none)
+    per_squared = np.array([[pull / force**2 if force else 0.0, 0.0]])
+    return Paired(ball, np.array([0.1]), per_squared, none, none, none, ball, ball, none, none)
 
 
 def test_the_change_of_the_force_itself_counts_where_both_parts_of_it_have_one_sign() -> None:
@@ -214,7 +215,7 @@ def test_the_parts_of_a_total_force_have_an_error_which_t_contains(model: str, k
         here = of_two(forces, approaches, pull / np.square(true))
         record.rows.append(Row(here, here if known and model == "finite_strain" else None))
     pulls, one = np.column_stack([pull, np.zeros(2)]), np.ones(2)
-    truth = LinearTruth(np.array(true), np.array(approaches), pulls, 1e-9 * one, one, one)
+    truth = LinearTruth(np.array(true), np.array(approaches), pulls, 1e-9 * one, one, one, 0.0 * one, 0.0 * one)
     answer = answers.answer(1, ACCOUNT, truth if known else "no linear answer")
     changed = 0.0 if model == "small_strain" else FEW[1] * gain(CUBIC, QUADRATIC)
     factor = math.hypot(changed, 1.0 if known else 0.0)
@@ -222,6 +223,27 @@ def test_the_parts_of_a_total_force_have_an_error_which_t_contains(model: str, k
         assert ball.errors["normal_force"] == relatively(factor * 0.0015, 1e-9)
         assert abs(ball.tangential_force[0] - exact) <= ball.tangential_force_error
     assert answer.normal_force_error == [ball.errors["normal_force"] for ball in answer.balls]
+
+
+@pytest.mark.parametrize("name", ["contact_area", "peak_pressure"])
+def test_contact_area_and_peak_pressure_have_an_error(name: str) -> None:
+    one, known = np.array([1.0]), {name: np.array([0.98]), f"{name}_error": np.array([0.001])}
+    truth = replace(linear(1.0, 0.1, (-0.02, 0.0)), **known)
+    for model, said, value, error in (
+        ("finite_strain", truth, 1.05 * 0.98, 1.05 * 0.98 * 0.05 / 1.05 * FEW[1] * gain(CUBIC, QUADRATIC) + 0.001),
+        ("finite_strain", "no linear answer", 1.05, 0.05 * FEW[1] * gain(CUBIC, QUADRATIC)),
+        ("small_strain", truth, 1.05, 0.07 + 0.001),
+    ):
+        problem = pair(0.1) if model == "finite_strain" else at_small_strain(pair(0.1))
+        answers = Answers(plan_run(problem, 0.1, model), [Record(QUADRATIC), Record(CUBIC)])
+        for record, size in ((answers.coarse, 1.0), (answers.fine, 1.05)):
+            small, own = state(1.0, 0.1, (-0.02, 0.0)), state(1.0, 0.1, (-0.02, 0.0))
+            own = replace(own, **{name: size * one})
+            record.rows.append(Row(own, small if model == "finite_strain" else None))
+        (ball, mirrored) = answers.answer(1, ACCOUNT, said).balls
+        assert getattr(ball, name) == relatively(value, ROUNDOFF)
+        assert error * (1.0 - ROUNDOFF) <= ball.errors[name] <= 1.02 * error  # and of what does not carry over
+        assert mirrored.errors == ball.errors
 
 
 def test_a_ball_that_only_the_coarser_mesh_presses_has_an_error_of_its_force() -> None:
@@ -244,7 +266,7 @@ def test_a_ball_that_presses_in_the_linear_model_but_not_on_the_mesh_has_errors_
     for record in (answers.coarse, answers.fine):
         record.rows.append(Row(untouched, untouched if model == "finite_strain" else None))
     pulls, one = np.array([[1e-4, 0.0], [-1e-4, 0.0]]), np.ones(2)
-    truth = LinearTruth(np.array([0.298, 0.002]), untouched.approach, pulls, 0.0 * one, one, one)
+    truth = LinearTruth(np.array([0.298, 0.002]), untouched.approach, pulls, 0.0 * one, one, one, 0.0 * one, 0.0 * one)
     ball = answers.answer(1, ACCOUNT, truth).balls[1]
     assert ball.normal_force == 0.0
     assert ball.errors["normal_force"] == relatively(0.002, 1e-6)

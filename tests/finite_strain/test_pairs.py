@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,9 @@ def state(q: float, d: float, per_squared: tuple[float, float], gap: float = 0.0
 
 def linear(q: float, d: float, per_squared: tuple[float, float]) -> LinearTruth:
     one = np.array([1.0])
-    return LinearTruth(np.array([q]), np.array([d]), q**2 * np.array([per_squared]), 1e-9 * one, one, one)
+    return LinearTruth(
+        np.array([q]), np.array([d]), q**2 * np.array([per_squared]), 1e-9 * one, one, one, 0.0 * one, 0.0 * one
+    )
 
 
 @pytest.mark.parametrize("forces_given", [False, True], ids=["approach given", "force given"])
@@ -109,6 +112,19 @@ def test_near_a_zero_of_t_differences_are_relative_to_the_scale() -> None:
     assert far.per_squared_force[0, 0] == 1e-4
 
 
+def test_contact_area_and_peak_pressure_are_corrected_by_the_same_ratio_with_an_uncertain_part() -> None:
+    one = np.array([1.0])
+    own = replace(state(0.9, 0.1, (-0.02, 0.0)), contact_area=1.14 * one, peak_pressure=0.48 * one)
+    small = replace(state(1.0, 0.1, (-0.02, 0.0)), contact_area=0.95 * one, peak_pressure=0.5 * one)
+    truth = replace(linear(1.0, 0.1, (-0.02, 0.0)), contact_area=1.0 * one, peak_pressure=0.51 * one)
+    for forces_given in (False, True):
+        answer = paired(own, small, truth, FAR_FROM_ZERO, forces_given, 0.1)
+        assert answer.contact_area == relatively([1.2], ROUNDOFF)
+        assert answer.area_transfer == relatively([0.2 * (1.0 / 0.95 - 1.0)], 1e-12)  # the areas differ by a fifth
+        assert answer.peak_pressure == relatively([0.48 * 1.02], ROUNDOFF)
+        assert answer.peak_transfer == relatively([0.1 * 0.02], 1e-12)
+
+
 def test_a_ball_without_force_has_no_correction_and_no_nan() -> None:
     nothing, truth = state(0.0, 0.0, (0.0, 0.0)), linear(0.0, 0.0, (0.0, 0.0))
     for forces_given in (False, True):
@@ -122,5 +138,5 @@ def test_without_a_pair_there_is_no_correction() -> None:
     answer = unpaired(own)
     assert answer.tangential_force == relatively(own.tangential_force, ROUNDOFF)
     assert answer.normal_force == own.normal_force
-    for none in (answer.weight, answer.transfer, answer.force_transfer):
+    for none in (answer.weight, answer.transfer, answer.force_transfer, answer.area_transfer, answer.peak_transfer):
         assert none == [0.0]

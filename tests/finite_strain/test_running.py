@@ -206,6 +206,8 @@ def test_a_run_with_one_answer_compares_its_meshes_at_more_loads(tmp_path: Path)
     fine = json.loads((tmp_path / NAME).read_text(encoding="utf-8"))["discretisations"][-1]
     assert [row["own"]["fraction"] for row in fine["rows"]] == relatively([0.6, 0.8, 1.0], 1e-12)
     ratio = fine["level"]["order"] / 2.0
+    assert {len(changes) for changes in fine["changes"].values()} == {3}
+    assert {"contact_area", "peak_pressure"} < fine["changes"].keys()
     largest = np.max(fine["changes"]["R"])
     error = largest * result.balls[0].normal_force ** 2 / (ratio**SLOWEST - 1.0)
     term = result.steps[0].record["error_terms"]["discretisation"][0]
@@ -221,5 +223,7 @@ def test_the_force_of_one_ball_is_known_to_the_accuracy_asked(tmp_path: Path) ->
     assert 0.0 < accuracy["reached"] <= 0.05
     assert ball.errors["normal_force"] == relatively(accuracy["reached"] * ball.normal_force, 1e-9)
     assert math.hypot(*accuracy["terms"].values()) == relatively(accuracy["reached"], 1e-9)
-    exact = linear_bem.solve(replace(scene, finite_strain=None)).balls[0].normal_force
-    assert ball.normal_force == relatively(exact, 0.1)
+    exact = linear_bem.solve(replace(scene, finite_strain=None)).balls[0]
+    assert ball.normal_force == relatively(exact.normal_force, 0.1)
+    for name in ("contact_area", "peak_pressure"):
+        assert 0.0 < ball.errors[name] < 0.1 * getattr(ball, name)

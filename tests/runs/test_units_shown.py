@@ -49,9 +49,8 @@ def scene(folder: Path, text: str = SCENE) -> Scene:
 
 
 def balls(read: Scene) -> list[BallResult]:
-    return [
-        BallResult(ball.position, ball.radius, 0.3e-3, 0.5, (1e-3, 0.0), 1e-6, 2e4, 1e-5) for ball in read.problem.balls
-    ]
+    state, errors = (0.3e-3, 0.5, (1e-3, 0.0), 1e-6, 2e4, 1e-5), {"peak_pressure": 1e3}
+    return [BallResult(ball.position, ball.radius, *state, errors=errors) for ball in read.problem.balls]
 
 
 def test_units_are_those_of_the_scene(tmp_path: Path) -> None:
@@ -237,6 +236,7 @@ def test_the_report_has_the_scenes_units_and_names_the_ball(tmp_path: Path) -> N
     for words in ("0.3 mm (0.12 R)", "500 mN", "its radius", "R = 2.5 mm: radius of ball 0", "Q [mN]", "peak p [kPa]"):
         assert words in page, words
     # one number for what is known of T, above and below: the largest error over the balls
+    assert "20.0 ± 1.0 kPa" in page
     assert page.count("3 %") == 2
     assert "0.1 %" not in page  # of the ball shown alone
     # T that nearly vanishes is not known to a share of another force
