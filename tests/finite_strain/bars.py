@@ -1,4 +1,4 @@
-"""Error bars of T and Q against the answer of a finer mesh: how they hold, and how fast errors fall.
+"""Error bars of results against the answer of a finer mesh: how they hold, and how fast errors fall.
 
     python -m tests.finite_strain.bars FOLDER [unknowns]     # 40 minutes of one core with 200 000 unknowns
 
@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import finite_strain
+from finite_strain.accuracy.answer import MEASURED
 from finite_strain.planning.records import NAME
 from linear_bem import Ball, FiniteStrain, Layer, Load, Problem
 
@@ -36,7 +37,7 @@ SCENES = {
 
 
 def rows(name: str, folder: Path, unknowns: float) -> list[dict[str, float | str]]:
-    """Return one row per discretisation and load of a scene: errors of T and Q over their bars, and changes."""
+    """Return one row per discretisation and load of a scene: errors and their bars, relative, and changes."""
     problem = SCENES[name]
     full = problem.load.values[0]
     steps = [d / full for d in APPROACHES if d <= full * (1.0 + 1e-9)]
@@ -57,6 +58,8 @@ def rows(name: str, folder: Path, unknowns: float) -> list[dict[str, float | str
                 "bar of T": ball["tangential_force_error"] / abs(best["tangential_force"][0]),
                 "error of Q": abs(ball["normal_force"] / best["normal_force"] - 1.0),
                 "bar of Q": record["normal_force_error"][0] / best["normal_force"],
+                **{f"error of {name}": abs(ball[name] / best[name] - 1.0) for name in MEASURED},
+                **{f"bar of {name}": ball["errors"][name] / best[name] for name in MEASURED},
                 "error of T / Q^2 over its largest change": abs(off[0] - off[1]) / largest,
             })  # fmt: skip
     return table
@@ -67,7 +70,7 @@ def main(folder: Path, unknowns: float = 200e3) -> None:
     table = [row for name in SCENES for row in rows(name, folder, unknowns)]
     for row in table:
         print(", ".join(f"{key} {value:.3g}" if isinstance(value, float) else f"{value}" for key, value in row.items()))
-    for name in "TQ":
+    for name in ("T", "Q", *MEASURED):
         ratio = np.array([row[f"bar of {name}"] / row[f"error of {name}"] for row in table], dtype=float)  # type: ignore[operator]
         print(
             f"{name}: {np.mean(ratio >= 1.0):.0%} of {len(ratio)} bars hold; "
