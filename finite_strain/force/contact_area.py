@@ -1,4 +1,4 @@
-"""The contact area under each ball, by the points of a fine grid on every facet that touch it.
+"""The contact area under each ball, by the points of a fine lattice on every facet that touch it.
 
 The edge of a contact crosses facets. The points of their quadrature are so few that areas jump by per cents as the edge
 passes one; jumps of the small-strain problem are others, so they cannot correct each other.
@@ -14,8 +14,9 @@ from finite_strain.contact.contact_energy import gap
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.nodal_values import element_of, lattice_of, on_top
 
-FINE = 40
-"""Points along an edge of a facet."""
+POINTS, STRIDE = 1597, 987
+"""Points i (1, STRIDE) / POINTS, modulo 1, of a Fibonacci lattice in the unit square. No two have the same coordinate:
+where the edge is parallel to a side of the facet, as along the lines of the meshes, it passes one point at a time."""
 
 
 def contact_areas(model: Model) -> np.ndarray:
@@ -31,7 +32,7 @@ def contact_areas(model: Model) -> np.ndarray:
     places, earlier = model.space.tabulate_dof_coordinates(), contact.earlier.x.array.reshape(-1, 3)
     for row, face in np.argwhere(held):
         nodes, cell = dofs[row], contact.touchable[row]
-        shapes, *along = _grid(len(nodes), face)
+        shapes, *along = _points(len(nodes), face)
         here, now, before = (shapes @ values[nodes] for values in (places, model.nodal, earlier))
         moved = places[nodes] + (model.nodal[nodes] if contact.finite else 0.0)
         sizes = np.linalg.norm(np.cross(*(tangent @ moved for tangent in along)), axis=1) / len(shapes)
@@ -51,15 +52,15 @@ def contact_areas(model: Model) -> np.ndarray:
 
 
 @cache
-def _grid(nodes: int, face: int) -> tuple[np.ndarray, ...]:
-    """Return shape functions (points, nodes) of a cell at the grid of a face, and their derivatives along both sides.
+def _points(nodes: int, face: int) -> tuple[np.ndarray, ...]:
+    """Return shape functions (points, nodes) of a cell at points of a face, and their derivatives along both sides.
 
-    The grid is that of the unit square, for a triangle with one side shrunk to a corner.
+    The points are those of the unit square, for a triangle with one side shrunk to a corner.
     """
-    lattice, middles = lattice_of(nodes), (np.arange(FINE) + 0.5) / FINE
+    lattice, numbers = lattice_of(nodes), np.arange(POINTS)[:, None]
     corners = lattice.points[sorted(lattice.faces[face][lattice.faces[face] < lattice.cells.shape[1]])]
     a, b, c, d = corners if len(corners) == 4 else corners[[0, 1, 0, 2]]
-    s, t = (side.reshape(-1, 1) for side in np.meshgrid(middles, middles))
+    s, t = (numbers + 0.5) / POINTS, (numbers * STRIDE % POINTS + 0.5) / POINTS
     values = element_of(nodes).tabulate(1, a + s * (b - a) + t * (c - a) + s * t * (a - b - c + d))[:, :, :, 0]
     sides = b - a + t * (a - b - c + d), c - a + s * (a - b - c + d)
     return values[0], *(np.einsum("kpn,pk->pn", values[1:], side) for side in sides)

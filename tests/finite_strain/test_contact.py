@@ -206,7 +206,7 @@ def test_extremes_areas_and_gaps_are_those_of_a_known_indentation(model: Model) 
     flat(model, [APPROACH])
     # the flat surface crosses the ball in a circle of radius sqrt(2 R D - D^2)
     squared = 2.0 * APPROACH - (APPROACH**2 if model.contact.balls[0].shape == "sphere" else 0.0)
-    # points of the grids on the facets in or out
+    # points of the facets in or out
     assert contact_areas(model)[0] == relatively(math.pi * squared, 2e-3)
     ((pressure, penetration),) = Extremes(model)()
     assert penetration == relatively(APPROACH, 1e-8)  # a node lies under the apex; the indenters' roots are kept from 0
@@ -222,7 +222,7 @@ def test_the_contact_area_is_that_of_the_deformed_surface(model: Model) -> None:
     points = model.space.tabulate_dof_coordinates()
     model.nodal[:, :2] = 0.25 * (points - np.array([1.0, 0.0, 0.0]))[:, :2]
     # at finite strain the ball touches two thirds of that part of the body, stretched over the same circle;
-    # points of the grids on the facets in or out
+    # points of the facets in or out
     assert contact_areas(model)[0] == relatively(area, 5e-3)
 
 
