@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from linear_bem.errors import InvalidProblem, ThirdBodyError
+from linear_bem.indenter import Indenter
 from linear_bem.problem import Problem
 from linear_bem.sequence.contact_sequence import nearby_forces
 from linear_bem.solution import Solution
@@ -146,12 +147,18 @@ def _radius(problem: Problem, factor: float) -> Problem:
     for ball in problem.balls:
         if isinstance(ball.shape, str):
             balls.append(dataclasses.replace(ball, radius=factor * ball.radius))
+        elif not isinstance(ball.shape, Indenter):  # a similar body of another size
+            balls.append(dataclasses.replace(ball, radius=factor * ball.radius, shape=_scaled(ball.shape, factor)))
         else:  # a body of a scene
             body: Any = ball.shape
             lengths = {key: np.multiply(factor, value) for key, value in asdict(body).items() if key not in body.ratios}
             body = dataclasses.replace(body, **{key: value.tolist() for key, value in lengths.items()})
             balls.append(dataclasses.replace(ball, shape=body, radius=body.apex_radius))
     return dataclasses.replace(problem, balls=tuple(balls))
+
+
+def _scaled(profile: Callable[..., Any], factor: float) -> Callable[..., Any]:
+    return lambda x, y: factor * profile(x / factor, y / factor)
 
 
 def rows(found: Mapping[str, Any], problem: Problem, scale: Scale, known: float | None = None) -> list[dict[str, str]]:

@@ -108,6 +108,15 @@ def test_other_bodies_grow_as_a_whole(body: Indenter) -> None:
     assert grown.shape.half_width(1.0, 0.0) == pytest.approx(1.2 * body.half_width(1.0, 0.0))
 
 
+def test_an_own_profile_has_the_sensitivity_of_the_body_it_describes() -> None:
+    scene = pair(Load("approach", (0.1, 0.1)), distance=2.5)
+    described = tuple(Ball(ball.position, 1.0, lambda x, y: 0.5 * (x**2 + y**2)) for ball in scene.balls)
+    found, known = record(dataclasses.replace(scene, balls=described)), record(scene)
+    assert found is not None
+    assert known is not None
+    assert found["exponents"] == pytest.approx(known["exponents"], abs=2e-3)
+
+
 def test_one_ball_has_no_sensitivity() -> None:
     one = Problem(Layer(1.0, 0.45, 1.5), (Ball((0.0, 0.0), 1.0),), Load("approach", (0.1,)))
     assert record(one) is None
