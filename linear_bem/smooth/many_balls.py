@@ -63,10 +63,10 @@ def sweep_zones(
 ) -> SmoothSolution:
     """Return the same state as `linear_bem.smooth.newton.solve_zones`, for many balls.
 
-    ``tolerance`` bounds the last change of forces, approaches and coefficients; a change that is `stalled` is returned
-    as the residual. ``pair_precision`` is that of `Interaction`, by default the tolerance; ``report`` receives a line
-    per sweep. Zones that are ``apart`` do not act on each other. Raises `Lost` if a ball loses its contact, and
-    `NotConverged`.
+    ``tolerance`` bounds the change of forces, approaches and coefficients in a sweep. Once `stalled`, the sweep with the
+    smallest change is returned, with this as the residual. ``pair_precision`` is that of `Interaction`, by default the
+    tolerance; ``report`` receives a line per sweep. Zones that are ``apart`` do not act on each other. Raises `Lost` if
+    a ball loses its contact, and `NotConverged`.
     """
     rule = Rule.of(zones, kernel.thickness)
     nodes = Nodes.of(zones, rule)
@@ -109,16 +109,20 @@ def sweep_zones(
         sizes = np.max(np.abs(changes @ values), axis=1) / np.max(np.abs(before.coefficients @ values), axis=1)
         growth = np.max(np.abs(changes), axis=1) / np.max(np.abs(before.coefficients), axis=1)
         length = np.where(sizes > SETTLED, 0.6 / np.maximum(growth, 0.6), 1.0)
-        zones = _moved(before, length[:, None] * changes, sizes > SETTLED)
+        settled = RENEWED if slow else SETTLED  # slow sweeps may diverge unless accelerated, which needs one frame
+        zones = _moved(before, length[:, None] * changes, sizes > settled)
         relative = [more / np.max(forces), (level - found) / np.max(np.abs(found)), sizes]
         last = float(np.max(np.abs(relative)))
         history.append(last)
-        best = min(history[:-PATIENCE], default=np.inf)
-        if not np.isfinite(last) or min(history[-PATIENCE:]) > max(HOPELESS, 0.5 * best):
+        if last <= min(history):
+            best = zones, level, last
+        earlier = min(history[:-PATIENCE], default=np.inf)
+        if not np.isfinite(last) or min(history[-PATIENCE:]) > max(HOPELESS, 0.5 * earlier):
             raise NotConverged("smooth contacts: the sweeps diverged; press the balls less deep")
         report(f"{step}change {last:.1e}, tolerance {tolerance:.1e}")
         if last < tolerance or stalled(history):
-            return SmoothSolution(Nodes.of(zones, rule), level, sweep + 1, last)
+            zones, level, least = best
+            return SmoothSolution(Nodes.of(zones, rule), level, sweep + 1, least)
         shrinking = np.where(forces + more < LEAST_SHARE * forces, shrinking + 1, 0)
         if np.any(shrinking >= LOST):
             kept = np.flatnonzero(shrinking == 0)
@@ -129,7 +133,7 @@ def sweep_zones(
                 )
             raise Lost(kept, zones[kept])
         slow = slow or (len(history) > 1 and last > SLOW * history[-2])
-        if slow and np.max(sizes) <= SETTLED and not np.any(shrinking):
+        if slow and np.max(sizes) <= settled and not np.any(shrinking):
             zones, forces = _mixed(mixing, (before, forces), (zones, new_forces))
         else:
             mixing.forget()

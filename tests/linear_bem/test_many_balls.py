@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 import linear_bem.smooth.initial_guess
+import linear_bem.smooth.many_balls
 import linear_bem.solver
 from linear_bem import Ball, Elastic, Layer, LayeredKernel, Load, Problem, solve, solve_contact
 from linear_bem.lifted_balls import smooth_state
@@ -34,6 +35,28 @@ def test_sweeps_converge_where_the_dent_of_a_soft_base_is_common_to_all_balls():
     lines = []
     smooth_state(start, 4, 1e-6, report=lines.append)
     assert sum("change" in line for line in lines) <= 6
+
+
+def test_slow_sweeps_on_a_soft_base_are_accelerated_before_they_diverge():
+    # without acceleration these sweeps grow by a tenth each, and end in a cycle
+    balls = tuple(Ball((2.02 * i, 2.02 * j), 1.0) for i in range(3) for j in range(2))
+    problem = Problem(Layer(1.0, 0.45, 1.16), balls, Load("total_force", (0.6,)), Elastic(0.02, 0.3))
+    lines = []
+    smooth_state(first_guess(problem, LayeredKernel.of(problem)), 2, 1e-6, report=lines.append)
+    assert sum("change" in line for line in lines) <= 16
+
+
+def test_the_best_sweep_is_returned_where_the_last_is_not(monkeypatch):
+    changes = []
+
+    def rises(history):
+        changes[:] = history
+        return len(history) > 1 and history[-1] > 1.2 * history[-2]
+
+    monkeypatch.setattr(linear_bem.smooth.many_balls, "stalled", rises)
+    problem = block(Load("approach", (0.0125,) * 9))
+    state = smooth_state(first_guess(problem, LayeredKernel.of(problem)), 4, 1e-20)
+    assert state.smooth.residual == min(changes) < changes[-1]
 
 
 def test_sweeps_converge_under_bodies_that_a_low_degree_hardly_fits():

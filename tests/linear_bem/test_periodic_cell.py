@@ -52,6 +52,14 @@ def lattice(columns, load, base, distance=2.4):
     return Problem(LAYER, tuple(Ball(p, 1.0) for p in places), load, BASES[base], periodic=periodic)
 
 
+def test_sweeps_of_a_high_degree_settle_as_precisely_as_asked():
+    problem = cell(Load("approach", (0.3, 0.3, 0.25)), "stiff base")
+    state = first_guess(problem, LayeredKernel.of(problem))
+    for degree in (8, 10, 12):
+        state = smooth_state(state, degree, 1e-9, 1e-9)
+        assert state.smooth.residual < 1e-9
+
+
 def numbers(solution):
     balls = solution.result().balls
     forces = np.array([b.tangential_force for b in balls])
