@@ -27,6 +27,9 @@ _FARTHEST = 1e3
 """Limit of the search for a profile's width, in approaches plus apex radii."""
 _FARTHER = 1.1
 """Factor between the distances from the axis at which a body is compared with its approach."""
+_OUTWARD = np.geomspace(1e-9, 1.0, 400)
+"""Distances from the axis, over the limit of the search, at which a section may end; the first end counts, as farther
+out the height of a wavy body may be anything."""
 _EXACT = 2e-12
 """Tolerance of a section's edge, over the approach plus the apex radius."""
 _ROUNDS = 4
@@ -67,8 +70,13 @@ def section_edge(indenter: Indenter, depth: float, way: complex, known: float = 
         return float(height) - depth
 
     end = min(known, _end(indenter, depth))
-    if (rise := above(end)) > 0.0:
-        return float(brentq(above, 0.0, end, xtol=_EXACT * (depth + indenter.apex_radius)))
+    rise, outward = above(end), end * _OUTWARD
+    with np.errstate(all="ignore"):
+        heights = np.broadcast_to(indenter.height(outward * way.real, outward * way.imag), outward.shape)
+    beyond = np.flatnonzero(heights > depth)
+    if beyond.size:
+        inner = outward[beyond[0] - 1] if beyond[0] else 0.0
+        return float(brentq(above, inner, outward[beyond[0]], xtol=_EXACT * (depth + indenter.apex_radius)))
     if end < min(known, indenter.reach):
         raise InvalidProblem(
             f"balls.shape: {type(indenter).__name__}.height must exceed the approach, {depth:.3g} m, far from the "

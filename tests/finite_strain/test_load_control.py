@@ -133,6 +133,12 @@ def test_a_body_with_steep_flanks_may_be_pressed_far_deeper_than_its_apex_radius
     assert radius_seen(body, 1e-3) == relatively(0.5 * 1e-5**2 / 1e-3, 1e-6)
 
 
+@pytest.mark.parametrize("approach", [0.01, 0.1, 0.3, 0.5, 1.0])
+def test_the_section_of_a_wavy_body_ends_at_its_first_rise(approach: float) -> None:
+    body = HeightFunction(1.0, lambda x, y: 1.0 - np.cos(x) + 0.5 * y**2)
+    assert radius_seen(body, approach) == relatively(np.arccos(1.0 - approach) / (2.0 * approach) ** 0.5, 1e-9)
+
+
 @pytest.mark.parametrize(
     ("slope", "approach", "overlap"),
     [(20.0, 0.3, False), (20.0, 0.34, True), (45.0, 0.4, False)],  # the flanks of the first meet at 0.3384
