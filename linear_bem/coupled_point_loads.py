@@ -49,7 +49,7 @@ INEXACT = 1e-5
 """Relative residual of each linear system: three Newton steps reach 1e-13, with 0.6 of the matrix products of 1e-10."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PointState:
     """Effective approaches [m], approaches [m] and normal forces [N] of all balls."""
 

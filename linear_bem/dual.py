@@ -88,7 +88,7 @@ def _faults_of(body: Indenter) -> list[str]:
     return []
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Dual(NDArrayOperatorsMixin):
     """Values with their x and y derivatives (forward-mode automatic differentiation); ``kinked``: these may jump."""
 

@@ -170,7 +170,7 @@ def _judged(contacts: SmoothContacts, wanted: float, report: Report) -> Solution
     return Solution(contacts.problem, contacts, error, errors, notes, accuracy)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SampleError:
     """Errors of T (sample,) and Q [N], largest relative error of forces and approaches."""
 

@@ -37,7 +37,7 @@ def require_certified(contacts: Contacts) -> None:
         )
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Solution:
     """A certified solution with its error estimates: ``contacts`` gives fields, `result` the numbers.
 

@@ -178,7 +178,7 @@ def _enough(wanted: float) -> float:
     return float(np.clip(wanted, 1e-4, 1e-3))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Refined:
     """Contacts, errors of T [N] and of other results per ball, error of T over `reference_force`, change of others."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -149,6 +150,25 @@ def test_one_file_alone_knows_the_versions_of_dolfinx() -> None:
     }
     assert found.pop(Path("finite_strain/compat.py"))
     assert not {file: lines for file, lines in found.items() if lines}
+
+
+def test_classes_that_hold_arrays_compare_without_asking_an_array_for_its_truth() -> None:
+    wrong = [
+        f"{file.relative_to(ROOT)}: {made.name}"
+        for package in MAY_IMPORT
+        for file in sources(package)
+        for made in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(made, ast.ClassDef)
+        and any("dataclass" in text and "eq=False" not in text for text in map(ast.unparse, made.decorator_list))
+        and not any(isinstance(part, ast.FunctionDef) and part.name == "__eq__" for part in made.body)
+        and any(isinstance(part, ast.AnnAssign) and holds_an_array(part.annotation) for part in made.body)
+    ]
+    assert not wrong, f"give {wrong} eq=False"
+
+
+def holds_an_array(annotation: ast.expr) -> bool:
+    text = re.sub(r"Callable\[.*\]", "", ast.unparse(annotation))
+    return re.search(r"\b(Array|Mask|Indices|Pairs|ndarray)\b", text) is not None
 
 
 def test_no_file_holds_two_ideas() -> None:

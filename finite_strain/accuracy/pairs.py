@@ -29,7 +29,7 @@ FIRST, SECOND = 0.15, 1.5
 measured values: 0.001 at D = 1e-4 R, 0.003 at 1e-3 R, 0.005 at 0.01 R, 0.014 at 0.03 R, 0.08 at 0.1 R."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LinearTruth:
     """The result of `linear_bem` for the balls of the model: Q [N], D [m] (balls,), T (balls, 2) and its error [N].
 
@@ -46,7 +46,7 @@ class LinearTruth:
     peak_pressure_error: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Paired:
     """The answer of one discretisation (arrays per ball of the model).
 

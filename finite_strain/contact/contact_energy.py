@@ -47,7 +47,7 @@ def positive(value: Any) -> Any:
     return ufl.conditional(ufl.gt(value, 0), value, 0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Penalised:
     """A state whose penetration is the contact pressure over the penalty: the source of the multipliers.
 

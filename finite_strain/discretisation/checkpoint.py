@@ -22,7 +22,7 @@ from finite_strain.discretisation.unknowns import Fields, Values
 from linear_bem.errors import OutputUnusable
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Snapshot:
     """One state: ``nodes`` (cells, n, 3) [m] of the mesh, and values (cells, nodes, components) of each field.
 

@@ -18,7 +18,7 @@ from finite_strain import compat
 from meshes.box import TAGS
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lattice:
     """The n nodes of the reference cell, numbered as the cell's dofs are: (p + 1)^3 of a hexahedron."""
 

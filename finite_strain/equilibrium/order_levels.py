@@ -30,7 +30,7 @@ _UPRIGHT = 1e-6
 """Horizontal part of a cell's upright edges over their length, at most."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Coarse:
     """A level below a finer one: shape functions (fine nodes, coarse nodes) of this rank's nodes, ghosts included.
 

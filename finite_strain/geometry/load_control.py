@@ -31,7 +31,7 @@ TOUCHING = 1e-6
 """Overlap over the largest approach below which bodies only touch."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LoadControl:
     """A load on a reduced model: unknowns move its balls by ``moves`` (balls, unknowns).
 

@@ -11,7 +11,7 @@ from finite_strain.discretisation.nodal_values import CellNodes, element_of, on_
 from finite_strain.geometry.symmetry import Reduction
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SurfaceFields:
     """The whole scene's top surface: points (n, 3) [m], triangles (m, 3), contact pressure (n,) [Pa]."""
 

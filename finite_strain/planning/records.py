@@ -18,7 +18,7 @@ NAME, BEFORE = "discretisations.json", "discretisations.before.json"
 """File of the records, and its copy from before the last step."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ContactState:
     """Equilibrium of one model on one discretisation; arrays have one entry per ball of the model, for whole balls.
 

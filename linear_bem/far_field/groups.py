@@ -16,7 +16,7 @@ FEWEST = 8
 """Least mean number of loads in a group."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Groups:
     """Rectangles from ``low`` to ``high`` (groups, 2) [m], ``gap`` [m] or more apart; ``owners``: each load's group."""
 

@@ -38,7 +38,7 @@ NODE_BYTES = 34.0
 """Memory per node of the doubled mesh: measured, 6.1 GB at 179 million nodes."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FarField:
     """Pairs (``first``, ``second``) that are summed one by one, and the mesh for the rest (None: pairs alone).
 

@@ -14,7 +14,7 @@ from linear_bem.load_control import Groups
 Value = TypeVar("Value", np.float64, np.intp)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GridState:
     """Pressures times ``singular`` and displacements [m] of all patches, owners of cells, approaches [m]."""
 

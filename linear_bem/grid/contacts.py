@@ -34,7 +34,7 @@ MOST_CELLS = 1_200_000
 """Largest number of cells in all patches."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GridContacts:
     """Contacts as pressures of square cells; all numbers are SI, one entry per ball."""
 

@@ -61,6 +61,14 @@ class HeightFieldContact:
 
         return map_of_pressure(self.pressure, self.cell)
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, HeightFieldContact):
+            return NotImplemented
+        return all(np.array_equal(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
+
+    def __hash__(self) -> int:
+        return hash((self.cell, self.approach, self.normal_force, self.iterations))
+
     def to_json(self) -> str:
         """Return the JSON text, arrays as nested lists; `from_json` gives back the same numbers to the last bit."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from linear_bem.layer.kernel import LayeredKernel
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Cell:
     """A cell of ``lengths`` (2,) [m]; ``uniform`` [m]: displacement per uniform pressure times ``singular``."""
 

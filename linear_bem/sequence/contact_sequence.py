@@ -35,7 +35,7 @@ GAP_SHARE = 0.1
 spheres)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SequenceState:
     """The solution of one scene, one entry per ball: approaches [m], forces [N], T and its error estimate [N].
 

@@ -28,7 +28,7 @@ FAR = 5.0
 """Distance of axes over the sum of contact radii beyond which contacts are far."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LinearState:
     """Changes of all coefficients, approaches [m], forces times `singular` [m^2], T [N] by both formulas.
 
@@ -46,7 +46,7 @@ class LinearState:
     gap_share: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Exchange:
     """Interpolation of one degree: ``places`` of nodes from the axis [m] (balls, 2, nodes), ``loads`` (balls, nodes).
 
@@ -60,7 +60,7 @@ class _Exchange:
     matrices: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Pairs:
     """Pairs of balls with one degree of interpolation: kernel, its slope over r, and dx, dy [m] between their nodes."""
 

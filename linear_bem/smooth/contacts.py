@@ -35,7 +35,7 @@ RINGS = (1.03, 1.12, 2.0)
 """Distances of the checks for penetration outside a contact, over that of its outline; a body may have a kink there."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SmoothContacts:
     """Separate smooth contacts; ``touching`` lists the loaded balls in the order of the zones.
 

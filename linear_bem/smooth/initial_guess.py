@@ -39,7 +39,7 @@ Media = tuple[Layer, Elastic | None]
 """Layer and substrate."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Start:
     """First guess: which balls touch, their zones, and all approaches [m]."""
 

@@ -14,6 +14,7 @@ costs n small dense systems and the sums of `linear_bem.smooth.multipole`.
 """
 
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -63,8 +64,8 @@ def sweep_zones(
 ) -> SmoothSolution:
     """Return the same state as `linear_bem.smooth.newton.solve_zones`, for many balls.
 
-    ``tolerance`` bounds the change of forces, approaches and coefficients in a sweep. Once `stalled`, the sweep with the
-    smallest change is returned, with this as the residual. ``pair_precision`` is that of `Interaction`, by default the
+    ``tolerance`` bounds the change of forces, approaches and coefficients in a sweep. Once `stalled`, the sweep with
+    the smallest change is returned, with it as the residual. ``pair_precision`` is that of `Interaction`, by default the
     tolerance; ``report`` receives a line per sweep. Zones that are ``apart`` do not act on each other. Raises `Lost` if
     a ball loses its contact, and `NotConverged`.
     """
@@ -88,7 +89,7 @@ def sweep_zones(
     fixed[[m for members, _ in groups for m in members]] = False
     values = basis(*disc_nodes(zones.degree + 4)[:2], zones.degree)
     mixing, slow = Anderson(), False
-    history: list[float] = []
+    history, best = list[float](), (np.inf, zones, approaches)
     sizes = np.ones(len(zones))
     shrinking = np.zeros(len(zones), dtype=int)
     for sweep in range(LIMIT):
@@ -114,15 +115,13 @@ def sweep_zones(
         relative = [more / np.max(forces), (level - found) / np.max(np.abs(found)), sizes]
         last = float(np.max(np.abs(relative)))
         history.append(last)
-        if last <= min(history):
-            best = zones, level, last
+        best = min(best, (last, zones, level), key=itemgetter(0))
         earlier = min(history[:-PATIENCE], default=np.inf)
         if not np.isfinite(last) or min(history[-PATIENCE:]) > max(HOPELESS, 0.5 * earlier):
             raise NotConverged("smooth contacts: the sweeps diverged; press the balls less deep")
         report(f"{step}change {last:.1e}, tolerance {tolerance:.1e}")
         if last < tolerance or stalled(history):
-            zones, level, least = best
-            return SmoothSolution(Nodes.of(zones, rule), level, sweep + 1, least)
+            return SmoothSolution(Nodes.of(best[1], rule), best[2], sweep + 1, best[0])
         shrinking = np.where(forces + more < LEAST_SHARE * forces, shrinking + 1, 0)
         if np.any(shrinking >= LOST):
             kept = np.flatnonzero(shrinking == 0)

@@ -61,7 +61,7 @@ class Rule:
         return cls(degree // 2 + 6 + rough, 2 * degree + 6 + 2 * rough, directions, degree // 2 + 5)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Nodes:
     """One zone or many with their quadrature: frame and surface coordinates [m], weights [m^2] and p at the nodes."""
 
@@ -124,7 +124,7 @@ class Nodes:
         return np.swapaxes(self.variations, -1, -2) * self.weights[..., None, :]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SmoothSolution:
     """Converged zones with their nodes, all approaches [m], and iterations and residual of the solver.
 

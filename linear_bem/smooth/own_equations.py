@@ -28,7 +28,7 @@ SHARPEST = 10
 fivefold per step) disturbs pressures of degree 8 and more by more than 1e-9."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Steps:
     """Changes of the coefficients (balls, terms), approaches [m], and dD/dQ over ``singular`` [1/m] of every ball.
 

@@ -37,7 +37,7 @@ INSIDE, BEYOND = 0.7, 1.001
 which all are outside."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Zone:
     """A contact zone, or many of one degree.
 
@@ -239,7 +239,7 @@ def stacked(zones: Sequence[Zone]) -> Zone:
     return Zone(centre, axes, zones[0].degree, coefficients)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Chords:
     """P along chords through points: polynomials of (t - ``middle``) / ``half``, t the distance from the point.
 

@@ -29,7 +29,7 @@ ROUNDED = 1e-3
 """Smallest error of that approach over it: the ratio is interpolated linearly between tabulated approaches."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Interpolant:
     """A quantity over the approach D: values and errors (n,) at rising approaches (n,), n >= 2."""
 

@@ -30,7 +30,7 @@ BEYOND = 1.4
 RINGS, RAYS = 40, 180
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Patch:
     """Points x, y (rings, rays) [m] from the middle to the edge, the last ring, and the pressure there [Pa]."""
 

@@ -18,7 +18,7 @@ ROUNDS = 8
 """Averaging rounds of `smoothed`; five to six average over one element of order 3."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Surface:
     """Deformed points (n, 3) [m] of the whole scene's surface, triangles (m, 3), contact pressure (n,) [Pa]."""
 

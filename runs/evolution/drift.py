@@ -36,7 +36,7 @@ PUSHING = 1e-6
 """A contact counts as pushing from this contact force over the largest force."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Moment:
     """One state on the path: sigma [m], positions (balls, 2) [m], forces, contacts and the largest speed [-].
 
@@ -58,7 +58,7 @@ class Moment:
     steps: int = 0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Neighbours:
     """Pairs that may close in a step: numbers, gaps at its start [m], h of each if nothing changes (inf: opens)."""
 

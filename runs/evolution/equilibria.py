@@ -44,7 +44,7 @@ NEUTRAL = 1e-6
 """Growth rate over the largest of all rates below which a disturbance neither grows nor decays."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Equilibrium:
     """Positions (balls, 2) [m], contacts and their pushes [N], residual of the balance [-], growth rates [1/m].
 

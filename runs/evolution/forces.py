@@ -11,7 +11,7 @@ from linear_bem.problem import Problem
 from runs.evolution.hard_balls import HardBalls
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class State:
     """Tangential forces (balls, 2) [N], normal forces (balls,) [N], and the model's error of T (balls,) [N]."""
 

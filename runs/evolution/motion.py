@@ -43,7 +43,7 @@ REFINED = 1e-8
 velocities to 4e-9 as with its defaults (1e-13 relative, 1e-12 absolute), in 0.74 of the time."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Contacts:
     """Pairs of balls (contacts, 2), unit vectors from the first to the second (contacts, 2), least opening rates."""
 

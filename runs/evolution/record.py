@@ -30,7 +30,7 @@ NEIGHBOURS = 1.2
 """Starting distance over the smallest one up to which two balls are neighbours."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Continuation:
     """Restart state that reproduces the uninterrupted path: sigma [m], positions (balls, 2) [m], next step [m].
 

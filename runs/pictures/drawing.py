@@ -76,7 +76,7 @@ class Window:
         return (x >= self.length[0]) & (x <= self.length[1]) & (np.abs(y) <= self.width)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Camera:
     """A camera at infinity: directions to the right, up and towards it; centre and half height of the picture."""
 

@@ -14,7 +14,7 @@ _MIRRORED = {8: [4, 5, 6, 7, 0, 1, 2, 3], 4: [1, 0, 2, 3]}
 """Corners of a reflected hexahedron and tetrahedron in VTK's order (a reflection turns cells inside out)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DrawnBall:
     """A ball in one step: axis (x, y), radius, approach, all in m, and shape.
 
@@ -33,7 +33,7 @@ class DrawnBall:
         return self.radius if self.outline is None else float(np.abs(self.outline[..., :2]).max())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class WrittenStep:
     """Points (n, 3) and displacement (n, 3) [m], cells (m, 8 or 4), regions of the cells (m,), node fields, balls.
 

@@ -1,5 +1,6 @@
 import math
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -236,7 +237,8 @@ def test_a_contact_is_drawn_to_scale_shown_in_notebooks_and_kept_as_text():
     assert np.array_equal(image.get_array(), contact.pressure.T)
     assert contact.summary().splitlines()[1] in contact._repr_html_()
     again = HeightFieldContact.from_json(contact.to_json())
-    assert np.array_equal(again.pressure, contact.pressure)
+    assert again == contact != replace(contact, pressure=0.5 * contact.pressure)
+    assert len({contact, again}) == 1
     assert again.to_json() == contact.to_json()
     for text in ("{", "{}", '{"pressure": "x"}'):
         with pytest.raises(InvalidProblem, match="from_json: must be the text that to_json wrote"):

@@ -93,7 +93,7 @@ def cases(quick: bool) -> list[Case]:
     return [*grid, rest, *seeds, *both]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PairLaw:
     """T/Q of two balls at `DISTANCES`, its largest magnitude, and the distances over R where it changes sign."""
 

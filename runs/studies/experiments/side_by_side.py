@@ -25,7 +25,7 @@ NEAR = 0.1
 """No ratio of T is given within this relative distance from a sign change of T."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Comparison:
     """A pair of balls in both models at `PLACES`: T/Q, its error, ratios finite / small of T and Q, equilibria [m].
 
