@@ -65,7 +65,7 @@ def sweep_zones(
     """Return the same state as `linear_bem.smooth.newton.solve_zones`, for many balls.
 
     ``tolerance`` bounds the change of forces, approaches and coefficients in a sweep. Once `stalled`, the sweep with
-    the smallest change is returned, with it as the residual. ``pair_precision`` is that of `Interaction`, by default the
+    the smallest change is returned, with it as residual. ``pair_precision`` is that of `Interaction`, by default the
     tolerance; ``report`` receives a line per sweep. Zones that are ``apart`` do not act on each other. Raises `Lost` if
     a ball loses its contact, and `NotConverged`.
     """
