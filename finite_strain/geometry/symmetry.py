@@ -127,9 +127,10 @@ def reduce_scene(problem: Problem, planes: tuple[int, ...] | None = None) -> Red
     reaches = [reach for _, reach in bodies]
     if planes is not None:
         return _cut(problem, reaches, 0.0, np.zeros(2), mirrors(positions, 0.0, planes), positions)
-    angles = [0.0]
+    angles = {0.0: 0.0}
     for a, b in combinations(positions[:12], 2):
-        angles.append(math.remainder(math.atan2(b[1] - a[1], b[0] - a[0]), math.pi / 2))
+        angle = math.remainder(math.atan2(b[1] - a[1], b[0] - a[0]), math.pi / 2)
+        angles.setdefault(round(angle, 12), angle)
 
     def framed(angle: float) -> tuple[float, float, np.ndarray, tuple[int, ...], np.ndarray]:
         turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
@@ -140,7 +141,7 @@ def reduce_scene(problem: Problem, planes: tuple[int, ...] | None = None) -> Red
         score = len(planes) + (0.5 if np.ptp(local[:, 1]) <= _SAME * np.ptp(local) else 0.0)
         return score, angle, turn.T @ centre, planes, local
 
-    _, angle, origin, planes, local = max(map(framed, angles), key=lambda frame: frame[0])
+    _, angle, origin, planes, local = max(map(framed, angles.values()), key=lambda frame: frame[0])
     return _cut(problem, reaches, angle, origin, planes, local)
 
 

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from finite_strain.geometry import symmetry
 from finite_strain.geometry.estimates import with_expressions
 from finite_strain.geometry.load_control import prescribed
-from finite_strain.geometry.symmetry import reduce_scene
+from finite_strain.geometry.symmetry import _is_even, reduce_scene
 from linear_bem import Ball, Cone, Elastic, Ellipsoid, Indenter, Load, Problem, Punch
 from linear_bem.problem import Profile
 from tests.finite_strain.scenes import balls_at, on_layer, pair
@@ -144,6 +145,22 @@ def test_a_plane_does_not_mirror_a_small_bump_near_the_axis_of_a_long_body() -> 
     for profile, planes in ((bumped, ()), (roller(0.0), (0, 1))):
         problem = scene((Ball((0.0, 0.0), 0.25, profile),), Load("approach", (0.08,)))
         assert reduce_scene(with_expressions(problem)).planes == planes
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+def test_bodies_in_a_row_are_compared_with_their_images_in_one_frame(
+    angle: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compared = []
+
+    def counted(*given: Any) -> bool:
+        compared.append(given)
+        return _is_even(*given)
+
+    monkeypatch.setattr(symmetry, "_is_even", counted)
+    row = tuple(Ball((5.0 * k, 0.0), shape=Cone(math.radians(30.0 + k), 0.5)) for k in range(12))
+    assert len(reduce_scene(scene(turned(row, angle))).planes) == 1
+    assert len(compared) <= 2 * len(row)
 
 
 def test_a_round_body_may_touch_up_to_twice_its_expected_contact_on_a_soft_base_too() -> None:
