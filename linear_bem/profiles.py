@@ -89,3 +89,19 @@ def mean_height(ball: Ball, radius: float) -> float:
     angle = 2.0 * np.pi * (np.arange(16) + 0.5) / 16.0
     x0, y0 = ball.position
     return float(np.mean(height(ball)(x0 + radius * np.cos(angle), y0 + radius * np.sin(angle))))
+
+
+def farthest(ball: Ball, axes: Array, depth: float) -> float:
+    """Return the largest distance [m] from the axis at which the body is lower than a ``depth`` [m].
+
+    At most the half length of an ellipse with ``axes`` (2, 2) [m]: a body that is flat at its axis may seem far longer
+    than it is. It is looked for in all directions and, so that no needle is missed, along the ellipse.
+    """
+    turn, (longest, _), _ = np.linalg.svd(axes)
+    if is_ball(ball):
+        return float(longest)
+    angle = np.arctan2(turn[1, 0], turn[0, 0]) + 2.0 * np.pi * np.arange(64) / 64.0
+    r = longest * np.geomspace(1.0, 1e-9, 400)[:, None]
+    with np.errstate(all="ignore"):  # an own profile may have no value beyond its edge
+        low = height(ball)(ball.position[0] + r * np.cos(angle), ball.position[1] + r * np.sin(angle)) < depth
+    return float(r[np.argmax(np.any(low, axis=1)), 0])

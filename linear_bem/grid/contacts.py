@@ -19,7 +19,7 @@ from linear_bem.indenter import Indenter
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.load_control import deepest, force_error, force_groups, may_touch, unloaded
 from linear_bem.problem import Problem
-from linear_bem.profiles import gradient, height
+from linear_bem.profiles import farthest, gradient, height
 from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.initial_guess import Start
 from linear_bem.smooth.polynomials import circle
@@ -243,8 +243,8 @@ def grid_levels(start: Start, report: Report = silent) -> Iterator[GridContacts]
     ``report`` receives a line per grid and occasional lines in between. Raises `UnsupportedProblem` if even the first
     grid would exceed `MOST_CELLS`, and `NotConverged`.
     """
-    problem = start.problem
-    reach = {i: 1.3 * zone.reach for i, zone in zip(start.touching, start.zones, strict=True)}
+    problem, deep, touching = start.problem, deepest(start.approaches), zip(start.touching, start.zones, strict=True)
+    reach = {i: 1.3 * farthest(problem.balls[i], zone.axes, deep) for i, zone in touching}
     smallest = min(reach.values())
     near = may_touch(start.approaches)
     for i in set(range(problem.size)) - set(reach):

@@ -1,15 +1,27 @@
 """Bodies of one's own: profiles and heights in numpy, their exact slopes and answers, and what they must not be."""
 
 import math
+from itertools import islice
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from linear_bem import Ball, InvalidProblem, Layer, Load, Problem, solve, solve_contact, solve_height_field
+from linear_bem import (
+    Ball,
+    InvalidProblem,
+    Layer,
+    LayeredKernel,
+    Load,
+    Problem,
+    solve,
+    solve_contact,
+    solve_height_field,
+)
 from linear_bem.dual import slope
-from linear_bem.grid.contacts import GridContacts
+from linear_bem.grid.contacts import GridContacts, grid_levels
 from linear_bem.indenter import Indenter
+from linear_bem.smooth.initial_guess import first_guess
 
 HALF_SPACE = Layer(1.0, 0.3, np.inf)
 
@@ -28,6 +40,21 @@ def test_power_laws_of_any_exponent_are_solved_and_a_tighter_accuracy_is_no_wors
     assert off[0] < 1e-3
     assert max(off[1:]) < 1e-4
     assert max(off[1:]) < max(1.1 * off[0], 1e-7)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5])
+def test_a_long_roller_that_is_flat_along_its_axis_has_patches_of_its_own_length(angle):
+    def roller(x, y):
+        along, across = np.cos(angle) * x + np.sin(angle) * y, np.cos(angle) * y - np.sin(angle) * x
+        return across**2 + (along / 4.0) ** 8
+
+    layer, approach, cell = Layer(1.0, 0.3, 2.0), 0.02, 0.01
+    problem = Problem(layer, (Ball((0.0, 0.0), 0.5, roller),), Load("approach", (approach,)))
+    on_patch = list(islice(grid_levels(first_guess(problem, LayeredKernel.of(problem))), 4))[-1]
+    x, y = (cell * (np.arange(count) - 0.5 * (count - 1)) for count in (600, 40))
+    turned = roller(np.cos(angle) * x[:, None] - np.sin(angle) * y, np.sin(angle) * x[:, None] + np.cos(angle) * y)
+    force = solve_height_field(layer, None, turned, cell, approach=approach).normal_force
+    assert on_patch.normal_forces[0] == pytest.approx(force, rel=0.03)
 
 
 def test_a_body_of_ones_own_is_refused_with_what_it_lacks():
