@@ -62,9 +62,9 @@ def number(value: object) -> float:
 
 
 def whole(value: object) -> int:
-    """Return a whole number that is not negative."""
-    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise fault("must be a whole number, 0 or more")
+    """Return a whole number."""
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise fault("must be a whole number")
     return value
 
 

@@ -23,6 +23,8 @@ from runs.scene.messages import RARER_EXAMPLES
 from runs.scene.scene_file import read_scene
 from tests.runs.scene_texts import PAIR, faults, write
 
+SLIDING = '[reciprocation]\namplitude = "80 mm"\ncycles = 5\nfriction = 0.1\n'
+
 
 def test_units_become_si(tmp_path: Path) -> None:
     problem = read_scene(write(tmp_path, PAIR)).problem
@@ -266,10 +268,17 @@ def test_an_infinite_layer_survives_json(tmp_path: Path) -> None:
         ),
         (
             'approach = "1.5 mm"',
-            'force = "1 N"\n[reciprocation]\namplitude = "80 mm"\ncycles = 5\nfriction = 0.1',
+            f'force = "1 N"\n{SLIDING}',
             ["the plate's height is fixed", "not force", "prints the one D of all balls under total_force"],
         ),
         ("[load]", "[accuracy]\ntangential_force = 2\n[load]", ["[accuracy] tangential_force", "above 0 and below 1"]),
+        (
+            "[load]",
+            f"{SLIDING}ensemble = 3.0\n[load]",
+            ["[reciprocation] ensemble: must be a whole number, got 3.0; for"],
+        ),
+        ("[load]", f"{SLIDING}ensemble = 0\n[load]", ["[reciprocation] ensemble: must be at least 1, got 0; for"]),
+        ("[load]", f"{SLIDING}seed = -1\n[load]", ["[reciprocation] seed: must be at least 0, got -1; for"]),
     ],
 )
 def test_a_fault_names_table_key_rule_and_value(old: str, new: str, words: list[str], tmp_path: Path) -> None:

@@ -77,8 +77,11 @@ def _faults(table: ReciprocationTable, scene: Any) -> list[str]:
     texts += range_faults({f"reciprocation.{key}": getattr(table, key) for key in ("cycles", "friction", "rest")})
     if not 0.0 <= table.perturbation < math.inf:
         texts.append(f"reciprocation.perturbation: must not be negative, got {table.perturbation:g} m")
-    if table.ensemble < 1:
-        texts.append(f"reciprocation.ensemble: must be at least 1, got {table.ensemble}")
+    texts += [
+        f"reciprocation.{key}: must be at least {least}, got {value}"
+        for key, least in (("seed", 0), ("ensemble", 1))
+        if (value := getattr(table, key)) < least
+    ]
     if table.ensemble > 1 and table.perturbation == 0.0:
         texts.append(f"reciprocation.ensemble: {table.ensemble} equal runs; give a perturbation")
     least, reason = FINEST, "to which contacts are held"
