@@ -211,16 +211,15 @@ def choose(scene: Scene, asked: str | None = None) -> tuple[Model, Problem, tupl
     `standing`.
     """
     wanted = frozenset(scene.effects)
-    moving = frozenset(name for name in wanted if EFFECTS[name].of_drift)
-    if "reciprocation" in moving:
+    nowhere = wanted.difference(*(model.effects for model in MODELS.values()))
+    if "reciprocation" in nowhere:
         raise UnsupportedProblem(
-            f"{scene.path}: {_names(moving)}: solve and compare do not move the balls; "
-            f"use `thirdbody evolve {scene.path}`, or remove the table{'s' if len(moving) > 1 else ''}"
+            f"{scene.path}: {_names(nowhere)}: solve and compare do not move the balls; "
+            f"use `thirdbody evolve {scene.path}`, or remove the table{'s' if len(nowhere) > 1 else ''}"
         )
     having = [model for model in MODELS.values() if model.called_for_by <= wanted <= model.effects]
     if not (asked or having):
-        nowhere = wanted.difference(*(model.effects for model in MODELS.values())) or wanted
-        raise UnsupportedProblem(f"{scene.path}: {_names(nowhere)}: no model supports this; remove a table")
+        raise UnsupportedProblem(f"{scene.path}: {_names(nowhere or wanted)}: no model supports this; remove a table")
     model = MODELS[asked] if asked else having[0]
     if lacking := wanted - model.effects - model.leaves_out:
         other = f" or use --model {having[0].name}" if having else ""

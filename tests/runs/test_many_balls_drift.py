@@ -153,9 +153,12 @@ def test_faults_of_the_effects_are_named(count: int, change: tuple[str, str], sa
         read_scene(file)
 
 
-def test_models_of_balls_at_rest_refuse_a_cell_and_resistance(tmp_path: Path) -> None:
+def test_models_of_balls_at_rest_refuse_motion_and_resistance_but_no_cell(tmp_path: Path) -> None:
     file = written(tmp_path, 4, more="[rolling_resistance]\nshare = 1e-3")
-    with pytest.raises(UnsupportedProblem, match=r"\[periodic\].*\[rolling_resistance\].*thirdbody evolve"):
+    named = (
+        r"toml: \[reciprocation\] \([^)]*\), \[rolling_resistance\] \([^)]*\): solve and compare .* `thirdbody evolve"
+    )
+    with pytest.raises(UnsupportedProblem, match=named):
         choose(read_scene(file))
 
 
