@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from linear_bem.counts import grouped
+from linear_bem.errors import OutputUnusable
 from runs.comparison import sensitivity
 from runs.display.numbers import Scale, duration, error_terms, leading_ball, line_of, number, with_error
 from runs.display.rows import (
@@ -45,11 +46,20 @@ def scale_of(folder: Folder) -> Scale:
 
 
 def content(folder: Folder) -> dict[str, Any]:
-    """Return the page's contents for a solved or evolved scene or a comparison; empty without results."""
+    """Return the page's contents for a solved or evolved scene or a comparison; empty without results.
+
+    Raises `OutputUnusable` if a key is missing.
+    """
     document = folder.document
     if not document:
         return {}
-    return (_comparison if folder.command == "compare" else _solution)(folder, document)
+    try:
+        return (_comparison if folder.command == "compare" else _solution)(folder, document)
+    except KeyError as error:
+        raise OutputUnusable(
+            f"{folder.path / 'result.json'}: lacks the key {error}, perhaps because another version wrote it; run the "
+            "same command again with --fresh"
+        ) from error
 
 
 def _common(

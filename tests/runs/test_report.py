@@ -279,6 +279,10 @@ def test_the_accuracy_asked_and_reached_is_shown_with_its_meshes(tmp_path: Path)
     assert "9 648" in text
     assert "discretisation 3 %, contact enforcement 0.01 %, transfer of the small-strain correction 0.78 %" in text
     assert "order 3, fineness 1.5" in text
+    older = {**solved, "accuracy": {"requested": 0.02, "reached": 0.01}}
+    (tmp_path / "result.json").write_text(json.dumps({"balls": [state], "steps": [], "solved": older}))
+    with pytest.raises(OutputUnusable, match=r"result\.json: lacks the key 'asked', perhaps .* with --fresh"):
+        page_of(read_folder(tmp_path))
 
 
 @dataclasses.dataclass(frozen=True)
