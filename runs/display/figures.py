@@ -26,6 +26,7 @@ SAME = 0.25
 """Largest relative deviation of a drawn contact's area and force from the result."""
 NUMBERED = 40
 """Largest number of balls that are numbered from above."""
+OF_A_CELL = "; without images"
 NAMES = {"finite_strain": "finite strain", "small_strain": "small strain (finite elements)"}
 
 
@@ -184,7 +185,7 @@ def _draw_patches(
             words.set_path_effects([withStroke(linewidth=2.5, foreground="white")])  # inside a long contact, too
     (x0, x1), (y0, y1) = _window(balls, scale)
     axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xlabel=length.heading("$x$"), ylabel=length.heading("$y$"))
-    axes.set_title("Contact pressure from above (+: axes of the balls)")
+    axes.set_title(f"Contact pressure from above (+: axes of the balls{OF_A_CELL * scale.periodic})")
 
 
 def _patch(points: Array, pressure: Array, ball: Mapping[str, Any], pointed: bool = False) -> Patch | None:
@@ -226,7 +227,7 @@ def _draw_section(
     length = scale.units.length
     axes.set(xlabel=length.heading("along the section"), ylabel=length.heading("$z$"))
     axes.set_ylim((1.6 * lowest - 0.1 * scale.radius) / size, scale.radius / size)
-    axes.set_title(f"{_section_words(balls)} (dashed: undeformed)")
+    axes.set_title(f"{_section_words(balls)} (dashed: undeformed{OF_A_CELL * scale.periodic})")
 
 
 def _section_words(balls: Sequence[Mapping[str, Any]]) -> str:

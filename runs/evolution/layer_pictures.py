@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from linear_bem.arrays import Array
+from runs.display.numbers import count
 from runs.display.style import BLUE, GREEN, ORANGE, PURPLE, dot_lines, grid, look, panels, save_figure
 from runs.evolution.drawing import set_window, window
 from runs.evolution.drift import Moment
@@ -42,7 +43,7 @@ def draw_top_views(folder: Path, moments: Sequence[Moment], balls: HardBalls, cy
 def draw_ensemble(folder: Path, members: Sequence[Mapping[str, Any]], balls: HardBalls, length: Unit) -> None:
     """Write ensemble.png and .svg: how the first nine members ended, as `draw_top_views`; nothing for a single one."""
     if len(members) > 1:
-        ends = [(f"seed {m['seed']}:", f"{m['contacts']} contacts", np.array(m["positions"])) for m in members[:9]]
+        ends = [(f"seed {m['seed']}:", count(m["contacts"], "contact"), np.array(m["positions"])) for m in members[:9]]
         _draw_views(folder, "ensemble", ends, balls, length)
 
 

@@ -218,15 +218,22 @@ def test_a_picture_that_is_stopped_leaves_the_result_and_the_same_command_draws_
     assert (out / "surface.png").exists()
 
 
-def test_the_contacts_of_a_cell_are_drawn(tmp_path: Path) -> None:
+def test_the_contacts_of_a_cell_are_drawn_where_the_balls_are_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     file, out = tmp_path / "cell.toml", tmp_path / "out"
     file.write_text(
-        "[layer]\nyoung = 1.0\npoisson = 0.3\nthickness = 2.0\n[balls]\nradius = 1.0\npositions = [[0, 0], [2.5, 0]]\n"
+        "[layer]\nyoung = 1.0\npoisson = 0.3\nthickness = 2.0\n[balls]\nradius = 1.0\npositions = [[0, 0], [7.5, 0]]\n"
         "[load]\napproach = 0.1\n[periodic]\nlengths = [5, 4]\n",
         encoding="utf-8",
     )
+    drawn: list[Any] = []
+    monkeypatch.setattr(figures, "save_figure", lambda figure, *_: drawn.append(figure))
     solve_scene(read_scene(file), None, Options(False, out, False))
-    assert (out / "surface.png").stat().st_size > 10_000
+    above, below, _ = drawn[0].axes
+    middles = [np.mean(line.get_xydata()[1:], axis=0) for line in above.lines if len(line.get_xydata()) > 1]
+    assert np.array(middles) == pytest.approx(np.array([[0.0, 0.0], [7.5, 0.0]]), abs=1e-3)
+    assert all("without images" in axes.get_title("left") for axes in (above, below))
 
 
 @pytest.mark.parametrize(("data", "label"), [({"layer": {"young": "1 kPa"}}, "$p$ [kPa]"), (None, "$p$ / E")])

@@ -42,12 +42,14 @@ def test_the_ends_of_an_ensemble_in_a_cell_are_drawn(tmp_path: Path, monkeypatch
         out=tmp_path, scene=SimpleNamespace(reciprocation=sliding),
         scale=SimpleNamespace(units=SimpleNamespace(length=Unit("mm", 1e-3))),
     )  # fmt: skip
-    members = [{"seed": seed, "contacts": 0, "positions": PLACES.tolist()} for seed in range(11)]
+    members = [{"seed": seed, "contacts": seed, "positions": PLACES.tolist()} for seed in range(11)]
     moments: list[Any] = [SimpleNamespace(positions=PLACES, sigma=0.0)]
     balls = HardBalls(np.full(4, 5e-3), np.array([30e-3, 40e-3]))
     showing.draw(session, {"ensemble": members}, moments, balls, [{}])
     ends, _ = figures
-    assert [axis.get_title("left") for axis in ends.axes] == [f"seed {seed}: 0 contacts" for seed in range(9)]
+    assert [axis.get_title("left") for axis in ends.axes] == [
+        f"seed {seed}: {seed} contact{'s' * (seed != 1)}" for seed in range(9)
+    ]
     assert [text.get_text() for text in ends.axes[0].texts] == ["0", "1", "2", "3"]
     figures.clear()
     showing.draw(session, {"ensemble": members[:1]}, moments, balls, [{}])
