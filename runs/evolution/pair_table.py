@@ -40,6 +40,8 @@ Places = tuple[tuple[float, float], ...]
 
 FORMAT = 1
 """Format version of tables: raised when older tables must not be used any more."""
+NAMED = ("layer", "balls", "load", "substrate", "finite_strain", "elements")
+"""Parts of a problem whose names and values in the identity of a table are fixed; any other part is added as it is."""
 FEW = (1.0, 1.06, 1.14, 1.25, 1.4, 1.6, 1.9, 2.3, 2.9, 3.7)
 """Distances over the touching distance for models that take minutes per pair."""
 MANY = tuple(float(v) for v in np.geomspace(1.0, 12.0, 24))
@@ -127,6 +129,7 @@ class PairTable:
             "shape": self.ball.shape,
             "approach": self.approach,
             "distances": self.distances,
+            **{key: asdict(part) for key, part in vars(problem).items() if part is not None and key not in NAMED},
             **settings,
         }
         self.identity = plain(identity, infinity="inf")

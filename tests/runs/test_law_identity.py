@@ -17,7 +17,10 @@ from runs.models import MODELS, choose
 from runs.scene.scene_file import InvalidScene, Scene, read_scene
 from runs.session import session
 from runs.session.session import Options, Session
+from runs.studies.framework.case import Case
 
+LATER: Any = make_dataclass("Problem", [("ageing", object, None)], bases=(Problem,), frozen=True)
+"""A problem with an effect that is added later."""
 SCENE = """title = "foam"
 [layer]
 thickness = "3 mm"
@@ -57,15 +60,30 @@ def test_an_effect_added_later_leaves_runs_without_it_as_they_are(
     options, given = Options(out=tmp_path / "run"), scene("ogden", tmp_path)
     with Session("solve", given, None, options):
         pass
-    later: Any = make_dataclass("Later", [("ageing", object, None)], bases=(Problem,), frozen=True)
 
     def chosen(*arguments: Any) -> tuple[Any, ...]:
         model, problem, notes = choose(*arguments)
-        return model, later(**vars(problem)), notes
+        return model, LATER(**vars(problem)), notes
 
     monkeypatch.setattr(session, "choose", chosen)
     with Session("solve", given, None, options) as same:
         assert "ageing" in vars(same.problem)
+
+
+def test_an_effect_added_later_leaves_answers_of_studies_and_tables_of_pairs_without_it_as_they_are(
+    tmp_path: Path,
+) -> None:
+    now = scene("ogden", tmp_path).problem
+    without, aged = LATER(**vars(now)), LATER(**vars(now), ageing=Elements("mixed"))  # any part
+
+    def key(problem: Problem) -> str:
+        return Case("any", problem, "finite_strain", 0.1).key()
+
+    def table(problem: Problem) -> Path:
+        return table_of(MODELS["finite_strain"], problem, 0.1, tmp_path).path
+
+    assert key(now) == key(without) != key(aged)
+    assert table(now) == table(without) != table(aged)
 
 
 def test_a_table_of_pairs_is_of_one_law(tmp_path: Path) -> None:

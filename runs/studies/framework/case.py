@@ -14,6 +14,7 @@ from linear_bem.errors import InvalidProblem
 from linear_bem.problem import Problem
 from linear_bem.result import Result
 from runs.models import MODELS, Run
+from runs.session.session import ALWAYS_NAMED
 
 FINITE, SMALL, LINEAR, POINT = "finite_strain", "small_strain", "linear_bem", "point_load"
 
@@ -64,6 +65,9 @@ class Case:
         budget = sorted(self.budget.items())
         steps = None if self.steps is None else tuple(self.steps)
         said = repr((code, self.problem, self.model, self.accuracy, varied, steps, self.stop_after, budget, self.alone))
+        for name, part in vars(self.problem).items():
+            if part is None and name not in (*ALWAYS_NAMED, "periodic"):  # an effect added later
+                said = said.replace(f", {name}=None", "")
         return hashlib.sha256(said.encode()).hexdigest()[:20]
 
 
