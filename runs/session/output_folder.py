@@ -37,7 +37,7 @@ class OutputFolder:
 
     ``identity`` describes the run (command, model, problem, accuracy). Raises `OutputUnusable` if the folder belongs to
     another run, holds other files, or cannot be written. ``stopped``: an earlier process of this run was killed;
-    ``complete``: the run is; ``saved``: the document that an earlier process saved, complete or not; ``damaged``: it is
+    ``complete``: the run is; ``saved``: the document that an earlier process saved, complete or not; ``lost``: it is
     unreadable or gone.
     """
 
@@ -45,7 +45,7 @@ class OutputFolder:
         self.path = path
         self.identity = plain(identity, infinity="inf")
         self._lock: IO[str] | None = None
-        self.stopped = self.complete = self.damaged = False
+        self.stopped = self.complete = self.lost = False
         self.saved: dict[str, Any] | None = None
         try:
             self._open(scene_text, fresh)
@@ -90,7 +90,7 @@ class OutputFolder:
         if mark is not None:
             result = self.path / "result.json"
             self.saved = read_json(result)
-            self.damaged = self.saved is None and (result.exists() or mark.get("state") == FINISHED)
+            self.lost = self.saved is None and (result.exists() or mark.get("state") == FINISHED)
             self.stopped = locked and mark.get("state") == RUNNING
             # with another number of cycles, or a damaged result, it goes on
             is_same = mark.get("identity") == self.identity

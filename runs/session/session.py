@@ -75,7 +75,7 @@ class Session:
             self.saved, self.complete = self.folder.saved or {}, self.folder.complete
             if self.folder.stopped:
                 self.report("this run was stopped before: killed, or its machine failed; it resumes from what is saved")
-            if self.folder.damaged:
+            if self.folder.lost:
                 self.report(f"{self.out / 'result.json'} is damaged or was deleted: it is made again")
             if not self.complete:
                 self.folder.log(f"{' '.join(sys.argv)}  on {ranks.rank_and_size()[1]} rank(s)\n{_versions()}")

@@ -19,7 +19,7 @@ from runs.session.progress import print_status
 from runs.studies import Options
 
 CASES = "cases"
-OUTDATED = ": its saved answer is of other code or of another case, and is not used"
+OUTDATED = ": its saved answer is damaged, of other code or of another case, and is not used"
 """What is said of a case that is solved although its file is there."""
 BEGIN, END = "<!-- answer: written by thirdbody study --publish -->", "<!-- end of the answer -->"
 
