@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from finite_strain.accuracy.error_budget import FEW, TERMS, discretisation, enforcement, gain, transfer
-from finite_strain.accuracy.pairs import LinearTruth, Paired, paired, ratio, unpaired, unsure
+from finite_strain.accuracy.pairs import MEASURED, LinearTruth, Paired, paired, ratio, unpaired, unsure
 from finite_strain.force.distortion import is_resolved
 from finite_strain.geometry.estimates import body_of
 from finite_strain.geometry.extent import scale_of_force
@@ -23,8 +23,6 @@ from linear_bem.problem import Load, Problem
 from linear_bem.result import BallResult
 from linear_bem.solver import solve
 
-MEASURED = {"contact_area": "area_transfer", "peak_pressure": "peak_transfer"}
-"""Results without influence on others, and the names of the uncertain parts of their corrections."""
 UNSURE = ("transfer", "force_transfer", *MEASURED.values())
 LINEAR_ACCURACY = 0.03
 """Accuracy requested from linear_bem over that requested from the run."""
@@ -214,12 +212,13 @@ class Answers:
         """Return the errors (balls,) of contact areas [m^2] and peak pressures [Pa]; store changes like `_changed`."""
         errors = {}
         for name, left in MEASURED.items():
-            value, known = _pressed(now, before, name), np.zeros_like(now.approach)
+            value, (known, missed) = _pressed(now, before, name), np.zeros((2, len(now.approach)))
             change = ratio(np.abs(getattr(now, name) - getattr(before, name)), value)
             if truth is not None:
                 change = change * self.plan.is_paired  # else the error is known
-                known = np.where(value > 0.0, getattr(truth, f"{name}_error"), getattr(truth, name))
-            errors[name] = value * np.hypot(self._change(name, fraction, change), getattr(now, left)) + known
+                known = ratio(getattr(truth, f"{name}_error"), getattr(truth, name))
+                missed = getattr(truth, name) * (value <= 0.0)
+            errors[name] = value * (np.hypot(self._change(name, fraction, change), getattr(now, left)) + known) + missed
         return errors
 
     def _change(self, name: str, fraction: float, change: np.ndarray) -> np.ndarray:
@@ -318,6 +317,6 @@ def _missed(fine: Row, truth: LinearTruth | None) -> tuple[np.ndarray, np.ndarra
 
 
 def _pressed(now: Paired, before: Paired, name: str) -> np.ndarray:
-    """Return a force or approach (balls,), from the coarser discretisation for balls without load on the finer."""
+    """Return a result (balls,), from the coarser discretisation for balls without load on the finer."""
     value = getattr(now, name)
     return np.where(now.normal_force > 0.0, value, getattr(before, name))

@@ -5,7 +5,7 @@ finite-strain answer. `linear_bem` gives the exact small-strain solution; the sm
 
     at given approach:  Q = Q_f (Q_l / Q_s)^c,  T / Q^2 = (T/Q^2)_f + c ((T/Q^2)_l - (T/Q^2)_s)
     at given force:     D = D_f + c (D_l - D_s),  T / Q^2 as above,
-    contact areas and peak pressures as Q,
+    contact areas and peak pressures of both:  A = A_f (A_l / A_s)^c,
 
 f, s: finite and small strain on the discretisation, l: linear_bem. Differences of T / Q^2 are valid even where T passes
 through zero. The weight c is 1 where T / Q^2 of the two problems is similar and falls to 0 where they differ strongly.
@@ -27,6 +27,8 @@ where the correction is no help and the change between discretisations has to co
 FIRST, SECOND = 0.15, 1.5
 """Growth of that fraction with the slope s of the surface, FIRST s + SECOND s^2: on a half-space s^2 = D / R. Largest
 measured values: 0.001 at D = 1e-4 R, 0.003 at 1e-3 R, 0.005 at 0.01 R, 0.014 at 0.03 R, 0.08 at 0.1 R."""
+MEASURED = {"contact_area": "area_transfer", "peak_pressure": "peak_transfer"}
+"""Results that no other one follows from, and the names of the uncertain parts of their corrections."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,22 +100,15 @@ def paired(
     unlike = _length(own.per_squared_force - small.per_squared_force) / largest
     weight = np.clip((UNLIKE - unlike) / (UNLIKE - ALIKE), 0.0, 1.0)
     transfer = _length(correction) * np.clip(unlike / np.maximum(1.0 - unlike, 0.5), least, 1.0)
-    per_squared = own.per_squared_force + weight[:, None] * correction
-
-    def corrected(name: str) -> tuple[np.ndarray, np.ndarray]:
+    parts = {"transfer": transfer, "weight": weight}
+    parts["per_squared_force"] = own.per_squared_force + weight[:, None] * correction
+    for name, left in {"approach" if forces_given else "normal_force": "force_transfer", **MEASURED}.items():
         known, own_value, small_value = (getattr(each, name) for each in (truth, own, small))
         factor = ratio(known, small_value, empty=1.0)
         apart = np.maximum(np.abs(ratio(own_value, small_value, empty=1.0) - 1.0), least)
-        value = own_value + weight * (known - small_value) if name == "approach" else own_value * factor**weight
-        return value, np.abs(factor - 1.0) * apart
-
-    name = "approach" if forces_given else "normal_force"
-    value, left = corrected(name)
-    (area, area_left), (peak, peak_left) = corrected("contact_area"), corrected("peak_pressure")
-    answer = Paired(
-        own.normal_force, own.approach, per_squared, transfer, left, weight, area, peak, area_left, peak_left
-    )
-    return replace(answer, **{name: value})
+        parts[name] = own_value + weight * (known - small_value) if name == "approach" else own_value * factor**weight
+        parts[left] = np.abs(factor - 1.0) * apart
+    return replace(unpaired(own), **parts)
 
 
 def ratio(part: np.ndarray, whole: np.ndarray, empty: float = 0.0) -> np.ndarray:

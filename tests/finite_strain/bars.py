@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import finite_strain
-from finite_strain.accuracy.answer import MEASURED
+from finite_strain.accuracy.pairs import MEASURED
 from finite_strain.planning.records import NAME
 from linear_bem import Ball, FiniteStrain, Layer, Load, Problem
 
