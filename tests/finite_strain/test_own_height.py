@@ -17,6 +17,7 @@ from mpi4py import MPI
 import finite_strain
 from finite_strain.contact.contact_energy import gap
 from finite_strain.contact.symbolic import FUNCTIONS, Symbolic
+from finite_strain.force.contact_area import contact_areas
 from finite_strain.observer import Silence
 from finite_strain.refinement_loop import Refinement
 from linear_bem import InvalidProblem, UnsupportedProblem, solve
@@ -182,3 +183,14 @@ class Ending(Bowl):
 def test_a_body_whose_height_has_no_value_where_the_layer_may_touch_is_refused() -> None:
     with pytest.raises(InvalidProblem, match=r"Ending\.height must be a real number .* needs the property reach"):
         coarse_plan(pair(0.1, shape=Ending()))
+
+
+class Dome(Ending):
+    reach = 1.0
+
+
+def test_beyond_its_reach_a_body_may_have_no_height(tmp_path: Path) -> None:
+    model = coarse_rig(coarse_plan(single(0.4, poisson=0.3, shape=Dome())), tmp_path).model
+    model.contact.set_approaches(np.array([0.4]))
+    # the flat surface crosses the sphere in a circle; points of the facets in or out
+    assert contact_areas(model)[0] == pytest.approx(np.pi * (2.0 * 0.4 - 0.4**2), rel=2e-3)
