@@ -83,6 +83,10 @@ class _Slot:
         self.pressure = self.fields["penalty"] * self.pressed * area
         self.density = self.fields["penalty"] / 2 * (self.pressed**2 - self.overlap**2) * area
 
+    def where_pressed(self, value: Any) -> Any:
+        """Return an expression, zero where there is no pressure: there the gap may have no value."""
+        return ufl.conditional(ufl.gt(self.pressed, 0), value, 0)
+
     def _gap(self, contact: Contact, displacement: Any, approach: Any) -> Any:
         X = ufl.SpatialCoordinate(contact.mesh)
         offset = (X[0] - self.x, X[1] - self.y, X[2])
@@ -205,7 +209,7 @@ class Contact:
             values = {
                 "x": -ufl.diff(slot.density, slot.x), "y": -ufl.diff(slot.density, slot.y), "normal": normal,
                 "stiffness": ufl.diff(normal, slot.approach),
-                "moment": slot.pressure * slot.gap, "weight": slot.pressure,
+                "moment": slot.where_pressed(slot.pressure * slot.gap), "weight": slot.pressure,
             }  # fmt: skip
             for name, value in values.items():
                 sums[name] = sums.get(name, 0) + slot.fields["chosen"] * value * self.measure
@@ -229,7 +233,7 @@ class Contact:
 
     def pressure(self) -> Any:
         """Return the chosen balls' pressure per undeformed area [Pa], an expression in the cells below the top."""
-        return sum(slot.fields["chosen"] * slot.pressure * slot.steepness for slot in self.slots)
+        return sum(slot.fields["chosen"] * slot.where_pressed(slot.pressure * slot.steepness) for slot in self.slots)
 
     def penetration(self) -> Any:
         """Return the distance of the surface inside a chosen ball in contact [m], also an expression."""

@@ -18,6 +18,7 @@ import finite_strain
 from finite_strain.contact.contact_energy import gap
 from finite_strain.contact.symbolic import FUNCTIONS, Symbolic
 from finite_strain.force.contact_area import contact_areas
+from finite_strain.force.contact_extremes import Extremes
 from finite_strain.observer import Silence
 from finite_strain.refinement_loop import Refinement
 from linear_bem import InvalidProblem, UnsupportedProblem, solve
@@ -192,5 +193,9 @@ class Dome(Ending):
 def test_beyond_its_reach_a_body_may_have_no_height(tmp_path: Path) -> None:
     model = coarse_rig(coarse_plan(single(0.4, poisson=0.3, shape=Dome())), tmp_path).model
     model.contact.set_approaches(np.array([0.4]))
+    model.contact.set_penalties(np.array([1.0]))
     # the flat surface crosses the sphere in a circle; points of the facets in or out
     assert contact_areas(model)[0] == pytest.approx(np.pi * (2.0 * 0.4 - 0.4**2), rel=2e-3)
+    # the penalty times the volume of the cap; discretisation: the facet rule across the kink
+    assert model.forces()[0, 2] == pytest.approx(np.pi * 0.4**2 * (1.0 - 0.4 / 3.0), rel=0.03)
+    assert np.isfinite([*model.readings.mean_gaps(), *Extremes(model)().ravel()]).all()
