@@ -1,7 +1,7 @@
 """The contact area under each ball, by the points of a fine lattice on every facet that touch it.
 
-The edge of a contact crosses facets. The points of their quadrature are so few that areas would jump by per cents as the
-edge passes one, at finite and at small strain at different loads: the pair would not remove these errors.
+The edge of a contact crosses facets. The points of their quadrature are so few that areas would jump by per cents as
+the edge passes one, at finite and at small strain at different loads: the pair would not remove these errors.
 """
 
 from functools import cache
