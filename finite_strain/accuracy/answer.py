@@ -48,11 +48,10 @@ class Answers:
 
         The message is empty for a body with free sides, which `linear_bem` does not support.
         """
-        plan = self.plan
+        plan, problem = self.plan, self.plan.problem
         if plan.has_free_sides:
             return ""
-        problem, load = plan.problem, plan.problem.load
-        part = Load(load.kind, tuple(fraction * value for value in load.values))
+        part = Load(problem.load.kind, tuple(fraction * value for value in problem.load.values))
         linear = Problem(problem.layer, problem.balls, part, problem.substrate)
         try:
             balls = solve(linear, max(min(LINEAR_ACCURACY * plan.accuracy, 1e-3), 1e-6)).balls
@@ -82,10 +81,9 @@ class Answers:
         if not self.plan.is_paired:  # known errors of T / Q^2 and Q, which may have one sign
             both = (size + unsure_pull) * (1.0 + unsure_force) ** 2 - size
         missed_force, missed_pull = _missed(fine, truth)
-        both = both + missed_pull
         enforced = none if self.forces_given else 2.0 * MOST * size * share
         changed = np.maximum(np.hypot(squared * apart, 2.0 * size * pressed), pulled)
-        terms = np.array([changed, enforced, both, solver])
+        terms = np.array([changed, enforced, both + missed_pull, solver])
         if self.forces_given:
             left, load = share, now.normal_force
             rate = follows / (LEAST * np.maximum(load, max(FAINT * load.max(), 1e-300)))
