@@ -88,6 +88,8 @@ def sweep_zones(
     fixed = np.ones(len(zones), dtype=bool)
     fixed[[m for members, _ in groups for m in members]] = False
     values = basis(*disc_nodes(zones.degree + 4)[:2], zones.degree)
+    # the matrix of an earlier frame misses some of the force, which moves all other balls on a soft base
+    renewed = SETTLED if kernel.far_ratio > 1.0 else RENEWED
     mixing, slow = Anderson(), False
     history, best = list[float](), (np.inf, zones, approaches)
     sizes = np.ones(len(zones))
@@ -97,7 +99,7 @@ def sweep_zones(
         outside -= images * nodes.forces[:, None]
         profile = np.array([shape(x, y) for shape, x, y in zip(shapes, nodes.x, nodes.y, strict=True)])
         step = f"degree {zones.degree}, sweep {sweep + 1}: "
-        steps = equations.step(nodes, outside, profile, forces, sizes > RENEWED, seldom(report, step))
+        steps = equations.step(nodes, outside, profile, forces, sizes > renewed, seldom(report, step))
         before, found = nodes.zone, steps.approaches
         if kernel.far_ratio > 1.0:  # a step meets the wanted force to first order: the rest moves others far more there
             found = found + influence @ (forces - nodes.forces)
@@ -110,8 +112,7 @@ def sweep_zones(
         sizes = np.max(np.abs(changes @ values), axis=1) / np.max(np.abs(before.coefficients @ values), axis=1)
         growth = np.max(np.abs(changes), axis=1) / np.max(np.abs(before.coefficients), axis=1)
         length = np.where(sizes > SETTLED, 0.6 / np.maximum(growth, 0.6), 1.0)
-        settled = RENEWED if slow else SETTLED  # slow sweeps may diverge unless accelerated, which needs one frame
-        zones = _moved(before, length[:, None] * changes, sizes > settled)
+        zones = _moved(before, length[:, None] * changes, sizes > SETTLED)
         relative = [more / np.max(forces), (level - found) / np.max(np.abs(found)), sizes]
         last = float(np.max(np.abs(relative)))
         history.append(last)
@@ -132,7 +133,7 @@ def sweep_zones(
                 )
             raise Lost(kept, zones[kept])
         slow = slow or (len(history) > 1 and last > SLOW * history[-2])
-        if slow and np.max(sizes) <= settled and not np.any(shrinking):
+        if slow and np.max(sizes) <= SETTLED and not np.any(shrinking):
             zones, forces = _mixed(mixing, (before, forces), (zones, new_forces))
         else:
             mixing.forget()
