@@ -28,7 +28,7 @@ from linear_bem.report import Report, seldom, silent
 from linear_bem.smooth.multipole import Interaction
 from linear_bem.smooth.newton import SETTLED, Nodes, Rule, SmoothSolution, stalled
 from linear_bem.smooth.own_equations import RENEWED, OwnEquations
-from linear_bem.smooth.polynomials import basis, disc_nodes
+from linear_bem.smooth.polynomials import PARABOLA, basis, disc_nodes
 from linear_bem.smooth.zone import Zone
 
 SLOW, DEPTH = 0.2, 10
@@ -38,6 +38,8 @@ LIMIT = 60
 HOPELESS, PATIENCE = 0.03, 10
 """Sweeps stop if their change stays above the first number and is not halved by the second number of further sweeps:
 at that rate they would not converge within any limit."""
+FAR, RESTARTS = 3.0, 6
+"""Relative change of a contact's coefficients above which it starts anew, and number of sweeps in which it may."""
 LEAST_SHARE, LOST = 0.3, 4
 """Least share of its force that a ball keeps in one sweep; number of such sweeps in a row that mean lost contact."""
 
@@ -113,6 +115,8 @@ def sweep_zones(
         growth = np.max(np.abs(changes), axis=1) / np.max(np.abs(before.coefficients), axis=1)
         length = np.where(sizes > SETTLED, 0.6 / np.maximum(growth, 0.6), 1.0)
         zones = _moved(before, length[:, None] * changes, sizes > SETTLED)
+        far = np.flatnonzero((growth > FAR) & (growth < np.inf) & (sweep < RESTARTS))
+        zones = _anew(zones, far, nodes, outside + profile, new_forces)
         relative = [more / np.max(forces), (level - found) / np.max(np.abs(found)), sizes]
         last = float(np.max(np.abs(relative)))
         history.append(last)
@@ -154,6 +158,25 @@ def _moved(zones: Zone, change: Array, reframe: Mask) -> Zone:
     new = moved[reframe].reframed(zones.degree)
     centre, axes, coefficients = moved.centre.copy(), moved.axes.copy(), moved.coefficients.copy()
     centre[reframe], axes[reframe], coefficients[reframe] = new.centre, new.axes, new.coefficients
+    return Zone(centre, axes, zones.degree, coefficients)
+
+
+def _anew(zones: Zone, far: Indices, nodes: Nodes, rise: Array, forces: Array) -> Zone:
+    """Return the zones, those ``far`` from their solution as Hertz's ellipses where ``rise`` [m] is lowest.
+
+    In the dent of a soft base a contact lies beside its ball's axis, and the force of a light one may be many times
+    that of the first guess.
+    """
+    centre, axes, coefficients = zones.centre.copy(), zones.axes.copy(), zones.coefficients.copy()
+    for i in far:
+        old, (x, y) = nodes.zone[i], (nodes.xi[i], nodes.eta[i])
+        terms = np.stack([x**0, x, y, 0.5 * x**2, x * y, 0.5 * y**2], axis=1)
+        _, along, across, xx, xy, yy = np.linalg.lstsq(terms, rise[i], rcond=None)[0]
+        bend = np.linalg.pinv([[xx, xy], [xy, yy]], rcond=1e-3)  # nothing is lowest along a flat body
+        centre[i] = old.centre - old.axes @ bend @ (along, across)
+        axes[i] = np.cbrt(forces[i] / nodes.forces[i]) * old.axes
+        peak = 1.5 * forces[i] / (np.pi * abs(np.linalg.det(axes[i])))
+        coefficients[i] = np.pad(peak**2 * PARABOLA, (0, coefficients.shape[1] - len(PARABOLA)))
     return Zone(centre, axes, zones.degree, coefficients)
 
 

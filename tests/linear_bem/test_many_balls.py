@@ -11,7 +11,7 @@ from linear_bem import Ball, Elastic, Layer, LayeredKernel, Load, Problem, solve
 from linear_bem.lifted_balls import smooth_state
 from linear_bem.smooth.contacts import EVALUATED
 from linear_bem.smooth.displacement import DirectSums, zone_displacement
-from linear_bem.smooth.initial_guess import first_guess
+from linear_bem.smooth.initial_guess import first_guess, solve_smooth
 from linear_bem.smooth.newton import Nodes
 from tests.linear_bem.conftest import PAPER_LOAD
 from tests.linear_bem.sampled_scenes import forces, scene
@@ -53,6 +53,17 @@ def test_sweeps_on_a_soft_base_have_the_matrices_of_the_present_frames():
         lines.clear()
         state = smooth_state(state, degree, precision, report=lines.append)
         assert sum("change" in line for line in lines) <= sweeps
+
+
+def test_light_contacts_on_the_slopes_of_a_deep_dent_are_found_in_few_sweeps():
+    # from contacts at the axes, steps must be short: 15 sweeps; with 300 balls they diverged, and a grid was too large
+    random = np.random.default_rng(5)
+    places = 2.9 * np.argwhere(np.ones((12, 12))) + random.uniform(-0.4, 0.4, (144, 2))
+    balls = tuple(Ball(tuple(xy), r) for xy, r in zip(places, random.uniform(0.8, 1.0, 144), strict=True))
+    problem = Problem(Layer(1.0, 0.45, 1.16), balls, Load("total_force", (1.44,)), Elastic(0.002, 0.3))
+    lines = []
+    solve_smooth(first_guess(problem, LayeredKernel.of(problem)), 2, 0.03, None, lines.append)
+    assert sum("change" in line for line in lines) <= 10
 
 
 def test_the_best_sweep_is_returned_where_the_last_is_not(monkeypatch):
