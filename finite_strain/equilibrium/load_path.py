@@ -254,8 +254,7 @@ class LoadPath:
         contact.augment(source, 1.0 if gradually else self.stiffer * self.ahead * STIFFENING)
         self._set((source.displacement, *start[1:]), source.approaches)
         before = model.forces()[:, 2]
-        # it starts there, with 1 + STIFFENING times the contact pressure; deep on another mesh its own misleads
-        if not gradually and (source is self.source or (source.turning and self.ahead == 1.0)):
+        if source is self.source and not gradually:  # it starts there, with 1 + STIFFENING times the contact pressure
             self.solver.prepare()
         self._set(start, approaches)
         for _ in range(PARTS - 1 if gradually else 0):

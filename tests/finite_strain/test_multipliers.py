@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -184,21 +183,6 @@ def test_a_step_begins_with_the_penalties_asked_ahead_unless_that_fails(
     assert again.path.ahead == 1.0
     monkeypatch.setattr(one_discretisation, "LARGEST_PENETRATION", 1.0)
     assert again.run.enforce(record) == 0
-
-
-def test_newtons_method_begins_with_the_tangent_of_the_multipliers_state_if_that_is_deep(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    rig = quadratic_rig(pair(0.1, poisson=0.3), tmp_path, ONE_LOAD)
-    rig.press()
-    source, prepared = rig.path.source, list[bool]()
-    monkeypatch.setattr(rig.path, "_newton", lambda *_: None)
-    monkeypatch.setattr(rig.solver, "prepare", lambda: prepared.append(True))
-    for turning, rig.path.ahead in ((0.0, 1.0), (1.0, STIFFER), (1.0, 1.0)):
-        assert not prepared
-        with suppress(NotConverged):
-            rig.path._multiply(replace(source, turning=turning), StepRecord(1.0))
-    assert len(prepared) == 1
 
 
 def test_a_rough_state_ends_exact_even_where_stiffer_penalties_find_no_equilibrium(
