@@ -39,7 +39,7 @@ HOPELESS, PATIENCE = 0.03, 10
 """Sweeps stop if their change stays above the first number and is not halved by the second number of further sweeps:
 at that rate they would not converge within any limit."""
 FAR, RESTARTS = 3.0, 6
-"""Relative change of a contact's coefficients above which it starts anew, and number of sweeps in which it may."""
+"""Relative change of its coefficients above which a contact is restarted, and number of first sweeps that do so."""
 LEAST_SHARE, LOST = 0.3, 4
 """Least share of its force that a ball keeps in one sweep; number of such sweeps in a row that mean lost contact."""
 
@@ -103,7 +103,7 @@ def sweep_zones(
         step = f"degree {zones.degree}, sweep {sweep + 1}: "
         steps = equations.step(nodes, outside, profile, forces, sizes > renewed, seldom(report, step))
         before, found = nodes.zone, steps.approaches
-        if kernel.far_ratio > 1.0:  # a step meets the wanted force to first order: the rest moves others far more there
+        if kernel.far_ratio > 1.0:  # steps are of first order: their error in force displaces others far more there
             found = found + influence @ (forces - nodes.forces)
         wanted = np.where(fixed, approaches, found)
         more, level = _balance(influence, steps.compliances, found, forces, wanted, fixed, shared)
@@ -116,7 +116,7 @@ def sweep_zones(
         length = np.where(sizes > SETTLED, 0.6 / np.maximum(growth, 0.6), 1.0)
         zones = _moved(before, length[:, None] * changes, sizes > SETTLED)
         far = np.flatnonzero((growth > FAR) & (growth < np.inf) & (sweep < RESTARTS))
-        zones = _anew(zones, far, nodes, outside + profile, new_forces)
+        zones = _restarted(zones, far, nodes, outside + profile, new_forces)
         relative = [more / np.max(forces), (level - found) / np.max(np.abs(found)), sizes]
         last = float(np.max(np.abs(relative)))
         history.append(last)
@@ -161,18 +161,18 @@ def _moved(zones: Zone, change: Array, reframe: Mask) -> Zone:
     return Zone(centre, axes, zones.degree, coefficients)
 
 
-def _anew(zones: Zone, far: Indices, nodes: Nodes, rise: Array, forces: Array) -> Zone:
-    """Return the zones, those ``far`` from their solution as Hertz's ellipses where ``rise`` [m] is lowest.
+def _restarted(zones: Zone, far: Indices, nodes: Nodes, rise: Array, forces: Array) -> Zone:
+    """Return the zones, those ``far`` from their solution as Hertz's ellipses at the minimum of ``rise`` [m].
 
-    In the dent of a soft base a contact lies beside its ball's axis, and the force of a light one may be many times
-    that of the first guess.
+    On a deeply indented soft base a contact is not centred on its ball's axis, and the force of a lightly loaded one
+    may be many times that of the first guess.
     """
     centre, axes, coefficients = zones.centre.copy(), zones.axes.copy(), zones.coefficients.copy()
     for i in far:
         old, (x, y) = nodes.zone[i], (nodes.xi[i], nodes.eta[i])
         terms = np.stack([x**0, x, y, 0.5 * x**2, x * y, 0.5 * y**2], axis=1)
         _, along, across, xx, xy, yy = np.linalg.lstsq(terms, rise[i], rcond=None)[0]
-        bend = np.linalg.pinv([[xx, xy], [xy, yy]], rcond=1e-3)  # nothing is lowest along a flat body
+        bend = np.linalg.pinv([[xx, xy], [xy, yy]], rcond=1e-3)  # a flat direction has no minimum
         centre[i] = old.centre - old.axes @ bend @ (along, across)
         axes[i] = np.cbrt(forces[i] / nodes.forces[i]) * old.axes
         peak = 1.5 * forces[i] / (np.pi * abs(np.linalg.det(axes[i])))
