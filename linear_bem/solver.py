@@ -28,7 +28,6 @@ from linear_bem.error_estimate import (
 )
 from linear_bem.errors import InvalidProblem, NotConverged, UnsupportedProblem
 from linear_bem.grid.contacts import GridContacts, grid_levels
-from linear_bem.indenter import Cone, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.lifted_balls import Contacts, Touched, rested, smooth_state
 from linear_bem.memory import require
@@ -37,16 +36,16 @@ from linear_bem.report import Report, Timed, seldom, silent
 from linear_bem.result import Result
 from linear_bem.sampled_solution import solve_by_sample
 from linear_bem.smooth.contacts import CHECKED, SmoothContacts
-from linear_bem.smooth.initial_guess import DENSE, ROUGHEST, Start, first_guess
+from linear_bem.smooth.initial_guess import DENSE, ROUGHEST, Start, first_guess, is_steep
 from linear_bem.solution import Solution, is_certified, require_certified
 
 WORTH_KEEPING = 5.0
 """Largest error over the requested one at which the best polynomials are accepted (with a note) without grids."""
 ROUTES_SUFFICE = 1e-3
 """Accuracy at or above which three times the difference of the two formulas for T is the error, without refinement."""
-STEEP, POINTED, WIDE, GRID_FIRST = 0.75, 1.0, 0.7, 16
-"""Contact radius over the sphere's, over a cone's tan(slope) R, over the layer's thickness; number of balls. If a ratio
-is exceeded, up to that number of balls go to grids directly, for accuracies not below `ROUTES_SUFFICE`."""
+WIDE, GRID_FIRST = 0.7, 16
+"""Contact radius over the layer's thickness; number of balls. If the ratio is exceeded, or a contact `is_steep`, up to
+that number of balls go to grids directly, for accuracies not below `ROUTES_SUFFICE`."""
 GRIDDED = 500
 """Largest number of balls that go to grids if polynomials do not converge."""
 SUMMED = 2.0
@@ -115,21 +114,28 @@ def solve(problem: Problem, accuracy: float = 1e-4, report: Report = silent) -> 
 
 
 def solve_contact(
-    problem: Problem, accuracy: float = 1e-4, report: Report = silent, sample: int | None = None
-) -> Solution:
+    problem: Problem, accuracy: float = 1e-4, report: Report = silent, sample: int | None = None, *,
+    on_grids: bool = False,
+) -> Solution:  # fmt: skip
     """Return the solution with its fields; parameters and errors as for `solve`.
 
     Loads that `solve` refuses as too deep are solved here, and noted. With ``sample``, the error is judged as for very
-    many balls, by a sample of about twice this number.
+    many balls, by a sample of about twice this number. ``on_grids`` solves every contact on a grid, none by polynomials
+    (a second route to the same result); a problem with a periodic cell raises `UnsupportedProblem` then.
     """
     require_supported(problem)
     require_accuracy(accuracy)
     require_sample(sample)
+    if on_grids and problem.periodic is not None:
+        raise UnsupportedProblem("on_grids: contacts on grids have no periodic cell; leave on_grids out")
     begun, report = time.perf_counter(), Timed(report)
     problem = problem.without_empty_layer()
     kernel = LayeredKernel.of(problem)
     require(BYTES * problem.size, f"linear_bem: {problem.size} balls", "take fewer balls or a larger machine")
-    found = _refined(problem.in_cell(), kernel, accuracy, report, sample)
+    if on_grids:
+        found = _on_grids(first_guess(problem, kernel, report), accuracy, report, None)
+    else:
+        found = _refined(problem.in_cell(), kernel, accuracy, report, sample)
     contacts = found.contacts
     of_error = found.notes or small_force_note(contacts, found.tangential_force_error, accuracy)
     loads = contacts.approaches, contacts.normal_forces, contacts.contact_areas
@@ -155,7 +161,7 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
         kernel.cell is not None
         or wanted < ROUTES_SUFFICE
         or problem.size > GRID_FIRST
-        or not (_steep(guess) or np.max(guess.zones.radius) > WIDE * kernel.thickness)
+        or not (is_steep(guess) or np.max(guess.zones.radius) > WIDE * kernel.thickness)
     ):
         smooth = _by_polynomials(guess, wanted, report)
         if isinstance(smooth, Solution):
@@ -299,17 +305,3 @@ def _on_grids(guess: Start, wanted: float, report: Report, smooth: _Refined | No
             f"only one grid {fits}: T was requested to {wanted:.0e} of its size; its routes differ by {reached:.0e}",
         )
     return Solution(guess.problem, rested(last.contacts), error + missed_pulls(last.contacts), last.errors, notes)
-
-
-def _steep(guess: Start) -> bool:
-    """Return whether a contact comes close to the equator of its sphere, or is wide against the tip of its cone.
-
-    The profiles are singular at r = R, and at r = i tan(slope) R: polynomials then converge slowly.
-    """
-    for i, zone in zip(guess.touching, guess.zones, strict=True):
-        ball = guess.problem.balls[i]
-        if isinstance(ball.indenter, Sphere) and zone.radius > STEEP * ball.radius:
-            return True
-        if isinstance(ball.indenter, Cone) and zone.radius > POINTED * math.tan(ball.indenter.slope) * ball.radius:
-            return True
-    return False

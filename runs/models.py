@@ -88,7 +88,7 @@ class Model:
         return self.plan is not None
 
 
-def _accuracy(value: float | None) -> dict[str, float]:
+def _accuracy(value: float | None) -> dict[str, Any]:
     return {} if value is None else {"accuracy": value}
 
 

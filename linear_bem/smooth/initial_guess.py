@@ -1,5 +1,6 @@
 """First guess of separate smooth contacts, and the choice of the solver for them."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -27,6 +28,8 @@ from linear_bem.smooth.zone import Zone, stacked
 
 ROUGHEST = 1.5
 """Largest contact radius over layer thickness at which polynomials are used."""
+STEEP, POINTED = 0.75, 1.0
+"""Contact radius over the sphere's, over a cone's tan(slope) R, above which `is_steep`."""
 SHARP = 3.0
 """Largest contact radius of a cone over tan(slope) R, R the radius of its tip, at which polynomials are used."""
 DENSE = 4
@@ -213,5 +216,19 @@ def overlap(kernel: LayeredKernel, zones: Zone) -> bool:
             continue
         gap = np.hypot(*(outlines[i][:, :, None] - outlines[j][:, None, :] - shift[:, None, None])).min()
         if gap < 0.05 * min(reach[i], reach[j]):
+            return True
+    return False
+
+
+def is_steep(guess: Start) -> bool:
+    """Return whether a contact comes close to the equator of its sphere, or is wide against the tip of its cone.
+
+    The profiles are singular at r = R, and at r = i tan(slope) R: polynomials then converge slowly.
+    """
+    for i, zone in zip(guess.touching, guess.zones, strict=True):
+        ball = guess.problem.balls[i]
+        if isinstance(ball.indenter, Sphere) and zone.radius > STEEP * ball.radius:
+            return True
+        if isinstance(ball.indenter, Cone) and zone.radius > POINTED * math.tan(ball.indenter.slope) * ball.radius:
             return True
     return False

@@ -5,8 +5,6 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
-import linear_bem.smooth.initial_guess
-import linear_bem.solver
 from linear_bem import (
     Ball,
     Elastic,
@@ -84,7 +82,7 @@ def test_a_thin_layer_on_a_rigid_base_has_the_asymptotic_stiffness(poisson, limi
     assert ball.normal_force == pytest.approx(limit(3.6e-3, 1.0, layer), rel=0.03)
 
 
-def test_grid_and_polynomials_agree_where_both_apply(monkeypatch):
+def test_grid_and_polynomials_agree_where_both_apply():
     for problem in (
         pair(Layer(1.0, 0.48, np.inf), force=2.0),
         pair(Layer(1.0, 0.5, 0.4), force=1e-2),
@@ -92,9 +90,7 @@ def test_grid_and_polynomials_agree_where_both_apply(monkeypatch):
     ):
         smooth = solve_contact(problem)
         assert isinstance(smooth.contacts, SmoothContacts)
-        with monkeypatch.context() as m:
-            m.setattr(linear_bem.smooth.initial_guess, "ROUGHEST", -1.0)
-            grid = solve_contact(problem)
+        grid = solve_contact(problem, on_grids=True)
         assert isinstance(grid.contacts, GridContacts)
         for a, b in zip(smooth.result().balls, grid.result().balls, strict=True):
             assert b.tangential_force[0] == pytest.approx(a.tangential_force[0], rel=1e-4)
@@ -109,7 +105,7 @@ def test_grid_and_polynomials_agree_where_both_apply(monkeypatch):
 
 
 @pytest.mark.parametrize("shape", ["line of four", "three by three"])
-def test_rows_and_blocks_under_a_common_approach_agree_on_grids_and_polynomials(shape, monkeypatch):
+def test_rows_and_blocks_under_a_common_approach_agree_on_grids_and_polynomials(shape):
     xy = (
         [(2.0 * i, 0.0) for i in range(4)]
         if shape == "line of four"
@@ -118,13 +114,18 @@ def test_rows_and_blocks_under_a_common_approach_agree_on_grids_and_polynomials(
     load = Load("total_force", (2.66666e-3 * len(xy),))
     problem = Problem(Layer(1.0, 0.48, 1.16), tuple(Ball(p, 1.0, "paraboloid") for p in xy), load, Elastic(1e3, 0.3))
     smooth = solve(problem)
-    monkeypatch.setattr(linear_bem.smooth.initial_guess, "ROUGHEST", -1.0)
-    grid = solve(problem)
+    grid = solve_contact(problem, on_grids=True).result()
     assert grid.solved.unknowns > smooth.solved.unknowns
     size = max(abs(t) for b in smooth.balls for t in b.tangential_force)
     for a, b in zip(smooth.balls, grid.balls, strict=True):
         assert b.normal_force == pytest.approx(a.normal_force, rel=1e-4)
         assert b.tangential_force == pytest.approx(a.tangential_force, abs=1e-3 * size)
+
+
+def test_grids_alone_are_refused_in_a_cell():
+    cell = Problem(Layer(1.0, 0.48, 1.0), (Ball((0.0, 0.0), 1.0),), Load("approach", (0.1,)), periodic=Periodic((3, 3)))
+    with pytest.raises(UnsupportedProblem, match="on_grids"):
+        solve_contact(cell, on_grids=True)
 
 
 def test_a_stiff_film_on_a_soft_base_is_solved_on_any_grid():
@@ -247,11 +248,11 @@ def test_a_ball_that_barely_touches_carries_load(overlap):
     assert ratio == pytest.approx(heavier.normal_force / ball.normal_force, rel=0.01)
 
 
-def test_the_error_estimate_covers_a_contact_smaller_than_a_cell(monkeypatch):
+def test_the_error_estimate_covers_a_contact_smaller_than_a_cell():
     problem = beside_a_deep_ball(1e-6)
     exact = solve(problem, 1e-4).balls
-    monkeypatch.setattr(linear_bem.solver, "_by_polynomials", lambda *_: None)
-    for ball, known in zip(solve(problem, 1e-2).balls, exact, strict=True):
+    on_grids = solve_contact(problem, 1e-2, on_grids=True).result().balls
+    for ball, known in zip(on_grids, exact, strict=True):
         off = abs(ball.tangential_force[0] - known.tangential_force[0])
         assert off <= ball.tangential_force_error < 100.0 * abs(known.tangential_force[0])
 

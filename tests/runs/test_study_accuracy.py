@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import inspect
 from pathlib import Path
 from typing import Any
@@ -15,11 +14,11 @@ import linear_bem
 from finite_strain import Numerics
 from finite_strain.planning.run_plan import plan_run
 from runs.display.style import panels
+from runs.models import Run
 from runs.studies.accuracy import answer, picture
 from runs.studies.accuracy.answer import DEFAULTS, advice, measured, present
 from runs.studies.accuracy.matrix import OWN, PARAMETERS, REFERENCES, TRUE, USUAL_CASE, cases
 from runs.studies.accuracy.picture import front
-from runs.studies.framework.case import varied
 from runs.studies.framework.levels import Level, LevelCase
 from runs.studies.framework.pair import pair
 from runs.studies.framework.saved_cases import Found
@@ -56,13 +55,12 @@ def found() -> Found:
 def test_every_parameter_is_there_to_be_turned() -> None:
     for case in cases(quick=False):
         Numerics(**case.numerics)  # refuses what is none of its fields
-        for place in case.constants:
-            module, name = place.rsplit(".", 1)
-            text = Path(str(importlib.import_module(module).__file__)).read_text(encoding="utf-8")
-            used = [line for line in text.splitlines() if name in line and not line.startswith((name, "from "))]
-            assert used, f"{place} is set there and read elsewhere: turning it changes nothing"
-        with varied(case.constants):
-            pass
+
+
+def test_cases_on_grids_are_solved_by_another_discretisation() -> None:
+    named = {case.name: case for case in cases(quick=False)}
+    one, other = (named[f"linear-bem{way}-0.1"].solve(Run(0.1)).solved.unknowns for way in ("-grids", ""))
+    assert one > 10 * other
 
 
 def test_the_parameter_of_the_load_steps_makes_fewer_or_more_of_them() -> None:

@@ -1,16 +1,13 @@
 """One case of a study: a problem, the model that solves it, and the varied numerical parameters."""
 
 import hashlib
-import importlib
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import linear_bem
-from linear_bem.errors import InvalidProblem
 from linear_bem.problem import Problem
 from linear_bem.result import Result
 from runs.models import MODELS, Run
@@ -23,19 +20,17 @@ FINITE, SMALL, LINEAR, POINT = "finite_strain", "small_strain", "linear_bem", "p
 class Case:
     """One solve; ``name`` is unique in the study and names the case's file.
 
-    ``accuracy`` is the relative accuracy requested of T; ``constants`` overrides "module.NAME" of the linear model,
-    ``numerics`` fields of `finite_strain.Numerics`; ``labels`` describe the case in the study's tables; ``steps`` are
-    the load fractions with output (None: those of a whole load path); ``stop_after`` interrupts the run after that many
-    load steps and resumes it from disk; ``budget`` limits refinement ("unknowns", "seconds"); ``alone`` solves on one
-    rank even if there are more; ``same_as`` (study, case) names an identical case, whose answer is reused if the
-    folders of both studies have the same parent.
+    ``accuracy`` is the relative accuracy requested of T; ``numerics`` overrides fields of `finite_strain.Numerics`;
+    ``labels`` describe the case in the study's tables; ``steps`` are the load fractions with output (None: those of a
+    whole load path); ``stop_after`` interrupts the run after that many load steps and resumes it from disk; ``budget``
+    limits refinement ("unknowns", "seconds"); ``alone`` solves on one rank even if there are more; ``same_as`` (study,
+    case) names an identical case, whose answer is reused if the folders of both studies have the same parent.
     """
 
     name: str
     problem: Problem
     model: str
     accuracy: float
-    constants: Mapping[str, float] = field(default_factory=dict)
     labels: Mapping[str, Any] = field(default_factory=dict)
     steps: Sequence[float] | None = (1.0,)
     stop_after: int | None = None
@@ -55,7 +50,7 @@ class Case:
 
     def key(self) -> str:
         """Return a digest that changes whenever a saved answer is no longer valid for this case."""
-        varied = sorted({**self.constants, **self.numerics}.items())
+        varied = sorted(self.numerics.items())
         if self.parallel:
             from finite_strain import FORMAT  # noqa: PLC0415  (finite-element cases only)
 
@@ -69,20 +64,6 @@ class Case:
             if part is None and name not in (*ALWAYS_NAMED, "periodic"):  # an effect added later
                 said = said.replace(f", {name}=None", "")
         return hashlib.sha256(said.encode()).hexdigest()[:20]
-
-
-@contextmanager
-def varied(constants: Mapping[str, float]) -> Iterator[None]:
-    """Override module constants, named "package.module.NAME", within the block; raises `InvalidProblem`."""
-    with ExitStack() as restored:
-        for place, value in constants.items():
-            module_name, _, name = place.rpartition(".")
-            module = importlib.import_module(module_name)
-            if not hasattr(module, name):
-                raise InvalidProblem(f"{place}: there is no such constant to vary; correct the study's case")
-            restored.callback(setattr, module, name, getattr(module, name))
-            setattr(module, name, value)
-        yield
 
 
 @cache

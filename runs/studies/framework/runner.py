@@ -20,7 +20,7 @@ from runs.process.locks import RUNNING, STOPPED
 from runs.session.progress import Progress, print_status
 from runs.session.session import path_so_far
 from runs.studies import Options
-from runs.studies.framework.case import Case, varied
+from runs.studies.framework.case import Case
 from runs.studies.framework.page import render
 from runs.studies.framework.saved_cases import DONE, NOT_RUN, Found, StudyFolder
 from runs.studies.framework.study import OUTDATED, Study, command
@@ -108,8 +108,7 @@ class _Attempt:
         """Solve the case and save the outcome (collective); raises only errors that end the whole study."""
         state, reason, result = DONE, None, None
         try:
-            with varied(self.case.constants):
-                result = self._solve()
+            result = self._solve()
         except (MissingDependency, OutputUnusable):
             raise
         except NotConverged as error:

@@ -220,4 +220,4 @@ def case_of(hard: Hard, model: str, accuracy: float) -> Case:
         return Case(name, problem, model, LINEAR_ACCURACY, labels=labels, steps=None if model == LINEAR else (1.0,))
     kind = LevelCase if "levels" in hard.more else Case
     budget = {"unknowns": hard.unknowns[model]} if model in hard.unknowns else {}
-    return kind(name, problem, model, accuracy, {}, labels, budget=budget, **{"steps": None, **hard.more})
+    return kind(name, problem, model, accuracy, labels, budget=budget, **{"steps": None, **hard.more})

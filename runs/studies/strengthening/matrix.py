@@ -63,7 +63,7 @@ def along(
     words = [group, SIDES.get(thickness, f"h{thickness:g}"), f"L{distance:g}", f"nu{poisson:g}"]
     labels = {"group": group, "h": thickness, "L": distance, "nu": poisson, "shape": shape}
     steps, budget = tuple(approach / deepest for approach in approaches), {"unknowns": unknowns}
-    return Case("-".join(words), problem, "finite_strain", accuracy, {}, labels, steps=steps, budget=budget)
+    return Case("-".join(words), problem, "finite_strain", accuracy, labels, steps=steps, budget=budget)
 
 
 def law_cases(quick: bool) -> list[Case]:

@@ -58,7 +58,7 @@ def cases(quick: bool) -> list[Case]:
     """Return both; none in the quick version."""
     problem = pressed([Ball(place, 1.0) for place in PLACES], APPROACH)
     ways = {} if quick else {TOGETHER: Case, BY_PAIRS: TableCase}
-    return [kind(name, problem, FINITE, ACCURACY, {}, {"part": NAME}, budget=BUDGET) for name, kind in ways.items()]
+    return [kind(name, problem, FINITE, ACCURACY, {"part": NAME}, budget=BUDGET) for name, kind in ways.items()]
 
 
 def rows(found: Found) -> list[dict[str, Any]]:
