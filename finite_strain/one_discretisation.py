@@ -16,7 +16,7 @@ from finite_strain.discretisation.point_location import Locations
 from finite_strain.equilibrium.load_path import LoadPath, State, StepRecord
 from finite_strain.equilibrium.newton import NewtonSolver
 from finite_strain.force.contact_area import contact_areas
-from finite_strain.force.contact_extremes import Extremes
+from finite_strain.force.contact_pressure import Extremes
 from finite_strain.force.domain_integral import ForceMeter
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.mpi import on_root

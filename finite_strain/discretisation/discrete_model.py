@@ -21,6 +21,7 @@ from finite_strain.discretisation.readings import Readings
 from finite_strain.discretisation.regions import Bulk, constant
 from finite_strain.discretisation.unknowns import Fields
 from finite_strain.geometry.symmetry import Reduction
+from finite_strain.mechanics.materials import energy_density
 from linear_bem.problem import Problem
 from meshes.box import SIDES, TAGS
 
@@ -50,7 +51,6 @@ class Model:
             problem, self.mesh, self.cell_tags, order - 1, length, self.contact.turning
         )  # made once: equal parts of a form are compiled once, too
         self.fields = Fields(self.displacement, [bulk.pressure for bulk in self.bulks if bulk.pressure is not None])
-        self.stretch = self.bulks[0].kinematics.surface_stretch(ufl.grad(self.displacement))
         self.bcs = self._make_constraints()
         self._compile()
 
@@ -86,14 +86,14 @@ class Model:
 
     def energy_density(self, bulk: Bulk, gradient: Any) -> Any:
         """Return the strain energy of a region [J/m^3] in its displacement gradient, an expression."""
-        return bulk.kinematics.energy_density(gradient, bulk.shear, bulk.volumetric, ufl.grad(self._still))
+        return energy_density(bulk.law, gradient, bulk.shear, bulk.volumetric, ufl.grad(self._still))
 
     def volume_integral(self, density: Any) -> Any:
         """Return the sum over regions of the integral of ``density``, a function of energy psi and gradient."""
         measure = self.inside(metadata={"quadrature_degree": 2 * self.order})
         gradient = ufl.variable(ufl.grad(self.displacement))
         parts = [(bulk, density(self.energy_density(bulk, gradient), gradient)) for bulk in self.bulks]
-        if all((bulk.kinematics, bulk.pressure) == (self.bulks[0].kinematics, None) for bulk in self.bulks):
+        if all((bulk.law, bulk.pressure) == (self.bulks[0].law, None) for bulk in self.bulks):
             return parts[0][1] * measure  # regions that differ in their moduli alone share one compiled integral
         return sum(value * measure(bulk.tag) for bulk, value in parts)
 

@@ -12,16 +12,15 @@ from petsc4py import PETSc
 
 from finite_strain import compat
 from finite_strain.discretisation.unknowns import idle_dofs
-from finite_strain.mechanics.kinematics import Finite, Kinematics, Small
 from finite_strain.mechanics.volumetric import Compressible, Mixed, Volumetric, describe_forms, volume_stiffness
-from linear_bem.law import Energy, Law
+from linear_bem.law import Energy, Law, NeoHookean
 from linear_bem.problem import Elastic, Problem
 from meshes.box import TAGS
 
 
 @dataclass(frozen=True)
 class Bulk:
-    """A region of the mesh, its elastic constants and law, mu and the volumetric energy in forms.
+    """A region of the mesh, its elastic constants and law (None: small strain), mu and the volumetric energy in forms.
 
     In mixed form it has a ``pressure`` unknown [m], to be multiplied by ``unit`` [Pa/m]; ``idle`` are its local dofs
     that no cell of the region touches; they are held at zero.
@@ -29,7 +28,7 @@ class Bulk:
 
     tag: int
     solid: Elastic
-    kinematics: Kinematics
+    law: Law | Energy | None
     shear: Any
     volumetric: Volumetric
     pressure: Any = None
@@ -51,11 +50,11 @@ def make_bulks(problem: Problem, mesh: Any, cell_tags: Any, order: int, length: 
         tag, solid = TAGS[name], getattr(problem, name)
         mu, cells = solid.shear_modulus, cell_tags.find(tag)
         shear.x.array[cells] = mu
-        own = Finite() if effect is None or name == "substrate" else Finite(with_constants(effect.chosen, mesh))
-        kinematics = Small() if effect is None else own
+        chosen = NeoHookean() if effect is None or name == "substrate" else with_constants(effect.chosen, mesh)
+        law = None if effect is None else chosen
         if form == "displacement":
             lame.x.array[cells] = solid.lame_first
-            bulks.append(Bulk(tag, solid, kinematics, shear, Compressible(lame)))
+            bulks.append(Bulk(tag, solid, law, shear, Compressible(lame)))
             continue
         # on a separate space, to which its constraints belong
         pressure, unit = dolfinx.fem.Function(compat.function_space(mesh, order), name=f"{name}_pressure"), mu / length
@@ -63,7 +62,7 @@ def make_bulks(problem: Problem, mesh: Any, cell_tags: Any, order: int, length: 
         volumetric = Mixed(
             constant(mesh, unit) * pressure, constant(mesh, compliance), stiffened * constant(mesh, stiffness)
         )
-        bulks.append(Bulk(tag, solid, kinematics, shear, volumetric, pressure, unit, idle_dofs(pressure, cells)))
+        bulks.append(Bulk(tag, solid, law, shear, volumetric, pressure, unit, idle_dofs(pressure, cells)))
     return bulks
 
 

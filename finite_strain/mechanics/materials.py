@@ -1,6 +1,6 @@
-"""Strain energies of the laws in `linear_bem.law`, per reference volume; stresses follow by differentiation.
+"""Strain energies per reference volume in the displacement gradient; stresses follow by differentiation.
 
-They are written in the displacement gradient H = F - I, without differences of nearly equal numbers: in a stiff
+The laws of `linear_bem.law` are written in H = F - I, without differences of nearly equal numbers: in a stiff
 substrate, with strains of 1e-5 and less, the roundoff of I1 - 3 and ln J would exceed the energy. An energy's arguments
 are the law with its parameters, H, the shear modulus, the volumetric energy, and ``still``, the values of H without
 derivative; its value and first two derivatives are correct (`finite_strain.mechanics.invariants.second_order`).
@@ -14,7 +14,7 @@ import ufl
 from finite_strain.mechanics.invariants import minus_logarithm, second_invariant, second_order, volume_change
 from finite_strain.mechanics.principal_stretches import PrincipalStretches, exponential_ratio, summed
 from finite_strain.mechanics.volumetric import Volumetric
-from linear_bem.law import Gent, Hyperfoam, Law, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from linear_bem.law import Energy, Gent, Hyperfoam, Law, MooneyRivlin, NeoHookean, Ogden, Yeoh
 
 
 def neo_hookean(law: NeoHookean, H: Any, shear: Any, volumetric: Volumetric, still: Any) -> Any:
@@ -79,3 +79,24 @@ def _terms(law: Ogden | Hyperfoam, shear: Any, stretches: PrincipalStretches) ->
 ENERGIES: dict[type[Law], Callable[[Any, Any, Any, Volumetric, Any], Any]] = {
     NeoHookean: neo_hookean, MooneyRivlin: mooney_rivlin, Yeoh: yeoh, Gent: gent, Ogden: ogden, Hyperfoam: hyperfoam,
 }  # fmt: skip
+
+
+def energy_density(law: Law | Energy | None, H: Any, shear: Any, volumetric: Volumetric, still: Any) -> Any:
+    """Return the strain energy under a law or a user's psi(F), nan where an element is inverted.
+
+    Without a law it is that of linear isotropic elasticity at small strain, mu e:e + volumetric(tr e).
+    """
+    if law is None:
+        strain = ufl.sym(H)
+        return shear * ufl.inner(strain, strain) + volumetric(ufl.tr(strain))
+    if isinstance(law, Law):
+        return ENERGIES[type(law)](law, H, shear, volumetric, still)
+    return law(ufl.Identity(3) + H)
+
+
+def cauchy_stress(law: Law | Energy | None, H: Any, stress: Any) -> Any:
+    """Return the Cauchy stress P F^T / J [Pa] of the energy's derivative P; at small strain they are the same."""
+    if law is None:
+        return stress
+    F = ufl.Identity(3) + H
+    return stress * F.T / ufl.det(F)

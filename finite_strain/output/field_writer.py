@@ -21,6 +21,7 @@ from finite_strain import compat
 from finite_strain.contact.contact_energy import gap
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.nodal_values import CellNodes
+from finite_strain.mechanics.materials import cauchy_stress
 from finite_strain.mpi import on_root
 from finite_strain.output.field_catalogue import CATALOGUE, FieldChoice, outline
 from finite_strain.output.step_files import stem, write_gathered, write_step_and_index
@@ -50,7 +51,7 @@ class FieldWriter:
         model = self.model
         gradient = ufl.variable(ufl.grad(model.displacement))
         psi = model.energy_density(bulk, gradient)
-        stress = bulk.kinematics.cauchy_stress(gradient, ufl.diff(psi, gradient))
+        stress = cauchy_stress(bulk.law, gradient, ufl.diff(psi, gradient))
         return compat.compile_expression(stress, self._nodes.lattice.points, model.comm)
 
     def forget_after(self, number: int) -> None:

@@ -6,8 +6,8 @@ import numpy as np
 
 from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model
-from finite_strain.discretisation.mean_pressure import MeanPressure
 from finite_strain.discretisation.nodal_values import CellNodes, element_of, on_top
+from finite_strain.force.contact_pressure import MeanPressure
 from finite_strain.geometry.symmetry import Reduction
 
 

@@ -14,7 +14,7 @@ pytest.importorskip("dolfinx")
 from finite_strain.compat import geometry_dofs
 from finite_strain.discretisation.nodal_values import on_top
 from finite_strain.force.contact_area import contact_areas
-from finite_strain.force.contact_extremes import Extremes
+from finite_strain.force.contact_pressure import Extremes
 from finite_strain.geometry.extent import Extent
 from linear_bem import Ball, Ellipsoid, Load
 from tests.finite_strain.scenes import balls_at, coarse_plan, coarse_rig, on_layer, pair, relatively

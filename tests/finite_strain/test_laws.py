@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 from finite_strain import compat
 from finite_strain.discretisation.regions import constant, with_constants
-from finite_strain.mechanics.kinematics import Finite
+from finite_strain.mechanics.materials import energy_density
 from finite_strain.mechanics.volumetric import Compressible, Mixed, volume_stiffness
 from linear_bem import FiniteStrain, Gent, Hyperfoam, Layer, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from linear_bem.law import LAWS, Law
@@ -71,7 +71,7 @@ class Point:
         if mixed:
             volumetric = Mixed(self.p, constant(mesh, 1.0 / lame), constant(mesh, volume_stiffness(MU, lame)))
         moving = ufl.variable(ufl.grad(self.u))
-        psi = Finite(with_constants(law, mesh)).energy_density(moving, constant(mesh, MU), volumetric, ufl.grad(still))
+        psi = energy_density(with_constants(law, mesh), moving, constant(mesh, MU), volumetric, ufl.grad(still))
         energy = psi * ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": 0})
         slope = ufl.derivative(energy, self.u, self.one)
         self._forms = {"energy": energy, "stress": slope, "tangent": ufl.derivative(slope, self.u, self.other)}

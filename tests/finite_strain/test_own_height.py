@@ -18,7 +18,7 @@ import finite_strain
 from finite_strain.contact.contact_energy import gap
 from finite_strain.contact.symbolic import FUNCTIONS, Symbolic
 from finite_strain.force.contact_area import contact_areas
-from finite_strain.force.contact_extremes import Extremes
+from finite_strain.force.contact_pressure import Extremes
 from finite_strain.observer import Silence
 from finite_strain.refinement_loop import Refinement
 from linear_bem import InvalidProblem, UnsupportedProblem, solve
