@@ -88,9 +88,9 @@ def solve(
         the error estimate), except steps that a resumed run already has. Arguments: the `Step`, and the DOLFINx
         functions by name: "displacement" [m] and, for mixed regions, "layer_pressure", "substrate_pressure" [Pa],
         positive in tension. They are defined on the simulated part, in its own frame, and change with the next step:
-        copy what you keep. They are the uncorrected solution on the mesh; the small-strain problem corrects only T and
-        Q (or D, if forces are prescribed, which is why the deepest point of the displacement may lie 1 % of D above or
-        below -D).
+        copy what you keep. They are the uncorrected solution on the mesh; the small-strain problem corrects only the
+        results of the balls: T, contact area, peak pressure, and Q (or D, if forces are prescribed: the deepest point
+        of the displacement may therefore lie 1 % of D above or below -D).
     mesh
         A user's mesh in metres in the scene's frame, of hexahedra or tetrahedra: a .msh file, or DOLFINx's mesh, cell
         tags and facet tags. Tags are those of `TAGS`, in a file also by name: "layer", "substrate" if there is one, and

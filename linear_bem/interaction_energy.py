@@ -24,7 +24,7 @@ def elastic_energy(solution: Solution) -> float:
 
 
 def energy_force(solution: Solution, ball: int, step: float | None = None) -> tuple[float, float]:
-    """Return T on one ball [N] as -dU/d(position) at the solution's approaches.
+    """Return T (x, y) [N] on one ball as -dU/d(position) at the solution's approaches.
 
     The ``step`` [m] of the difference defaults to 1 % of the distance to the nearest neighbour or image, for a single
     ball to 1 % of its radius. The moved ball may overlap others, because only contacts with the layer are modelled.

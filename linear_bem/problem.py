@@ -68,7 +68,7 @@ class Load:
     """The prescribed quantity: one approach [m] or force [N] per ball, or one total force [N] on all.
 
     ``total_force`` is the paper's problem 1 (one rigid holder, common approach), ``force`` its
-    problem 2; the paper's experiments prescribe the ``approach``.
+    problem 2; the paper's experiments prescribe the ``approach``. Values are positive where a ball is pressed in.
     """
 
     kind: LoadKind
@@ -103,6 +103,7 @@ PARTS: dict[str, tuple[type, str]] = {
 class Problem:
     """Rigid balls pressed into a layer on an elastic half-space (``substrate``) or a rigid base.
 
+    ``finite_strain`` and ``periodic`` are effects, absent if None; ``elements`` sets the form of the finite elements.
     Raises `InvalidProblem` with every fault found.
     """
 

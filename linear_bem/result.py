@@ -31,6 +31,7 @@ FAINT = "T is too small to be resolved"
 class BallResult:
     """State of one ball: forces [N] on the ball, lengths [m], pressure [Pa], area [m^2].
 
+    Approach and normal force are positive where the ball is pressed in; ``tangential_force`` is T along x and y.
     ``tangential_force_error`` is the model's absolute error estimate [N]; ``tangential_force_routes`` holds T [N] by
     each of the independent formulas that the estimate is based on. ``errors`` holds absolute error estimates of the
     other quantities by their names, "normal_force", "approach", "peak_pressure", "contact_area", where the model has

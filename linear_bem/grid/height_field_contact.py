@@ -19,14 +19,14 @@ COARSE = 0.25
 class HeightFieldContact:
     """Pressure [Pa] and displacement [m] at the cells, approach [m], force [N], mean gap [m], contact area [m^2].
 
-    ``cell`` is the side of a cell [m].
-    Arrays have the shape of the heights; displacements are positive into the layer. For a periodic surface, values are
-    those of one period and, unless the base is rigid, displacement and approach are measured from the mean of the
-    deformed surface. ``contact_area`` is the area of the cells in contact less their excess at the edges;
-    ``contact_area_error`` comes from the edges' unknown position within cells (`linear_bem.grid.outline`).
-    ``gap_in_contact`` and ``penetration_outside`` are recomputed residuals over the approach. ``notes`` warn if a layer
-    is indented by more than a quarter of its thickness, where small strain does not hold, if contact spots are only a
-    few cells wide, and if the slopes of the heights are so large that a unit may be wrong.
+    ``cell`` is the side of a cell [m]. Arrays have the shape of the heights; displacements are positive into the layer.
+    For a periodic surface, values are those of one period and, unless the base is rigid, displacement and approach are
+    measured from the mean of the deformed surface. ``contact_area`` is that of the cells in contact, minus the part by
+    which cells at its edges exceed the contact on average; ``contact_area_error`` comes from the edges' unknown
+    position within cells (`linear_bem.grid.outline`). ``gap_in_contact`` and ``penetration_outside`` are recomputed
+    residuals over the approach. ``notes`` warn if a layer is indented by more than a quarter of its thickness, where
+    small strain does not hold, if contact spots are only a few cells wide, and if the slopes of the heights are so
+    large that a unit may be wrong.
     """
 
     pressure: Array = field(repr=False)
