@@ -13,11 +13,11 @@ from finite_strain import compat
 from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.discrete_model import Meshed, Model
 from finite_strain.discretisation.point_location import Locations
-from finite_strain.equilibrium.load_path import LoadPath, State, StepRecord
-from finite_strain.equilibrium.newton import NewtonSolver
+from finite_strain.equilibrium.load_path import LoadPath, State
+from finite_strain.equilibrium.newton import NewtonSolver, StepRecord
 from finite_strain.force.contact_area import contact_areas
 from finite_strain.force.contact_pressure import Extremes
-from finite_strain.force.domain_integral import ForceMeter
+from finite_strain.force.domain_integral import in_plane_forces
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.mpi import on_root
 from finite_strain.observer import Observer
@@ -41,17 +41,16 @@ def mesh_box(box: Box, file: Path, comm: MPI.Comm) -> Meshed:
 
 
 class ModelRun:
-    """A model with its load path and force meter on one mesh."""
+    """A model with its load path on one mesh."""
 
     def __init__(
         self, plan: RunPlan, meshed: Meshed, box: Box, level: Discretisation, observer: Observer, name: str,
         locations: Locations | None = None,
     ) -> None:  # fmt: skip
-        problem, self.locations = plan.problem, locations
+        problem, self.box, self.locations = plan.problem, box, locations
         self.model = Model(problem, plan.reduction, meshed, level.order, plan.numerics.contact_degree)
         control = prescribed(problem).on(plan.reduction)
         self.solver = NewtonSolver(self.model, control, plan.numerics, observer.newton)
-        self.meter = ForceMeter(self.model, box)
         self.extremes = Extremes(self.model)
         attempt, shortest = partial(observer.attempt, name), plan.numerics.shortest_step
         self.path = LoadPath(problem, self.solver, attempt, level.penalty, shortest, plan.path[0])
@@ -93,8 +92,8 @@ class ModelRun:
         extremes = self.extremes()
         return ContactState(
             fraction=fraction, approach=model.contact.approaches.copy(), normal_force=forces[:, 2],
-            tangential_force=self.meter.domain(np.sqrt(areas / math.pi)), traction_force=forces[:, :2],
-            contact_area=areas, peak_pressure=extremes[:, 0], penetration=extremes[:, 1],
+            tangential_force=in_plane_forces(model, self.box, np.sqrt(areas / math.pi)),
+            traction_force=forces[:, :2], contact_area=areas, peak_pressure=extremes[:, 0], penetration=extremes[:, 1],
             mean_gap=model.readings.mean_gaps(),
         )  # fmt: skip
 

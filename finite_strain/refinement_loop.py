@@ -19,8 +19,8 @@ from finite_strain.discretisation.checkpoint import Snapshot
 from finite_strain.discretisation.discrete_model import Meshed
 from finite_strain.discretisation.regions import pressures
 from finite_strain.equilibrium.linear_solver import unused_options
-from finite_strain.equilibrium.load_path import EXACT, State, StepRecord
-from finite_strain.equilibrium.newton import Effort
+from finite_strain.equilibrium.load_path import EXACT, State
+from finite_strain.equilibrium.newton import Effort, StepRecord
 from finite_strain.equilibrium.solver_options import solver_notes
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.mechanics.own_energy import softening

@@ -10,7 +10,7 @@ import numpy as np
 from finite_strain.contact.contact_energy import Penalised
 from finite_strain.discretisation.nodal_values import on_top
 from finite_strain.discretisation.unknowns import Values
-from finite_strain.equilibrium.newton import NewtonSolver
+from finite_strain.equilibrium.newton import NewtonSolver, StepRecord
 from finite_strain.force.distortion import Distortion, distortion, film_left
 from finite_strain.geometry.estimates import STIFFENING, alone, is_stable, penalties
 from linear_bem.errors import NotConverged
@@ -49,23 +49,6 @@ class State:
     approaches: tuple[float, ...]
     source: Penalised | None = None
     energy: float = math.nan
-
-
-@dataclass
-class StepRecord:
-    """The cost of one load step: Newton iterations, new tangents among them, cut-backs.
-
-    ``augmentation_iterations`` counts the iterations with multipliers. ``augmented`` is False if none were requested,
-    or if no equilibrium was found with them: the contact is then as soft as its penalty, see `LoadPath.augment`.
-    """
-
-    fraction: float
-    newton_iterations: int = 0
-    tangents: int = 0
-    augmentation_iterations: int = 0
-    augmented: bool = False
-    cuts: int = 0
-    residual: float = math.nan
 
 
 Predictor = Callable[[float], State | None]
@@ -276,11 +259,7 @@ class LoadPath:
         """Find equilibrium; ``keeps``: begin with the last tangent, which is near enough. Raises `NotConverged`."""
         pressed = zip(self.model.contact.balls, self.model.contact.approaches, strict=True)
         scale = max(alone(self.problem, ball, approach=a).normal_force for ball, a in pressed)
-        done = self.solver.solve(residual or self.residual, scale, record.fraction, keeps)
-        record.newton_iterations += done.iterations
-        record.augmentation_iterations += done.iterations * bool(self.model.contact.augmented.value)
-        record.tangents += done.tangents
-        record.residual = done.residual
+        self.solver.solve(residual or self.residual, scale, record, keeps)
         # the residual alone does not detect elements that are turned inside out
         turned = self.model.is_finite and self.distorted().smallest_volume_ratio <= 0.0
         if turned or not math.isfinite(self.model.energy()):

@@ -35,13 +35,21 @@ STALL = 1e-3
 """Residual norm over the force scale below which a full step is tried if the line search has failed."""
 
 
-@dataclass(frozen=True)
-class Equilibrium:
-    """The cost of one Newton solve: iterations, new tangents among them; and the final residual norm [N]."""
+@dataclass
+class StepRecord:
+    """The cost of one load step: Newton iterations, new tangents among them, cut-backs; the last residual norm [N].
 
-    iterations: int
-    tangents: int
-    residual: float
+    ``augmentation_iterations`` counts the iterations with multipliers. ``augmented`` is False if none were requested,
+    or if no equilibrium was found with them: the contact is then as soft as its penalty, see `LoadPath.augment`.
+    """
+
+    fraction: float
+    newton_iterations: int = 0
+    tangents: int = 0
+    augmentation_iterations: int = 0
+    augmented: bool = False
+    cuts: int = 0
+    residual: float = math.nan
 
 
 @dataclass
@@ -120,13 +128,13 @@ class NewtonSolver:
             self._renew(self._x)
         self._prepared = True
 
-    def solve(self, tolerance: float, force: float, fraction: float, keeps: bool = False) -> Equilibrium:
-        """Bring the model into equilibrium at a fraction of the load, from its present state.
+    def solve(self, tolerance: float, force: float, record: StepRecord, keeps: bool = False) -> None:
+        """Bring the model into equilibrium at a record's load fraction, from its present state; add the cost to it.
 
         ``tolerance`` bounds the residual norm over a scale of ``force`` [N]; ``keeps``: begin with the last solve's
         tangent, which is near enough. If Newton's method fails, restores the state before and raises `NotConverged`.
         """
-        self.tolerance, self._targets = tolerance * force, fraction * self.control.full
+        self.tolerance, self._targets = tolerance * force, record.fraction * self.control.full
         near_end = max(NEAR_END * force, self.tolerance)
         self._take(self._x)
         self._x.copy(self._start)
@@ -145,7 +153,10 @@ class NewtonSolver:
             reason, norm = self.snes.getConvergedReason(), self.snes.getFunctionNorm()
             if norm <= exact:
                 self._set(self._x)
-                return Equilibrium(iterations, self.effort.tangents - tangents, norm)
+                record.newton_iterations += iterations
+                record.augmentation_iterations += iterations * bool(self.model.contact.augmented.value)
+                record.tangents, record.residual = record.tangents + self.effort.tangents - tangents, norm
+                return
             stalled = reason == failed and norm < max(near_end, STALL * force)
             if search == "bt" and not (reason > 0 or stalled):
                 break

@@ -10,43 +10,36 @@ follow mesh lines, so this integral converges more slowly and is not used in the
 import numpy as np
 
 from finite_strain.discretisation.discrete_model import Model
-from meshes.box import Box
+from meshes.box import Box, Zone
 
 CLEAR = 1.03
 """Distance from a ball's axis, over its contact radius, outside the contact: q begins to fall on the next mesh line."""
 
 
-class ForceMeter:
-    """Evaluates the forces on the model's balls."""
+def in_plane_forces(model: Model, box: Box, contact_radii: np.ndarray) -> np.ndarray:
+    """Return the in-plane force (balls, 2) [N] on whole balls; radii (balls,) [m] place the ramp of q (collective)."""
+    contact, forces = model.contact, np.zeros((len(contact_radii), 2))
+    points = model.linear_space.tabulate_dof_coordinates()
+    for number, (ball, zone) in enumerate(zip(contact.balls, box.zones, strict=True)):
+        model.weight.x.array[:] = ramp(box, zone, contact_radii[number], points)
+        contact.choose(np.eye(len(forces))[number])
+        for axis in sorted({0, 1} - set(ball.fixed_axes)):
+            model.axis.value[:] = np.eye(3)[axis]
+            forces[number, axis] = ball.copies * model.readings("eshelby", "configurational")
+    return forces
 
-    def __init__(self, model: Model, box: Box) -> None:
-        self.model, self.box = model, box
-        self._points = model.linear_space.tabulate_dof_coordinates()
 
-    def domain(self, contact_radii: np.ndarray) -> np.ndarray:
-        """Return the in-plane force (balls, 2) [N] on whole balls; radii (balls,) [m] place the ramp (collective)."""
-        contact = self.model.contact
-        forces = np.zeros((len(contact.balls), 2))
-        for number, ball in enumerate(contact.balls):
-            self.model.weight.x.array[:] = self._ramp(number, contact_radii[number])
-            contact.choose(np.eye(len(forces))[number])
-            for axis in sorted({0, 1} - set(ball.fixed_axes)):
-                self.model.axis.value[:] = np.eye(3)[axis]
-                forces[number, axis] = ball.copies * self.model.readings("eshelby", "configurational")
-        return forces
+def ramp(box: Box, zone: Zone, contact_radius: float, points: np.ndarray) -> np.ndarray:
+    """Return q at points (n, 3) [m]: 1 under a zone's ball, falling to 0 at the edge of its mirror-symmetric block.
 
-    def _ramp(self, number: int, contact_radius: float) -> np.ndarray:
-        """Return q at this rank's vertices: 1 under the ball, falling to 0 at the edge of its mirror-symmetric block.
-
-        Both q and the mesh under it are mirror-symmetric about the ball's axis, so the ball's own field, which is
-        larger than T by orders of magnitude, cancels to roundoff.
-        """
-        zone = self.box.zones[number]
-        lines = self.box.rings(zone)[0][:-1]
-        outside = lines[lines >= CLEAR * contact_radius]
-        start = outside[0] if len(outside) else lines[-1]
-        offset = np.abs(self._points[:, :2] - np.array(zone.position))
-        distance, along = np.linalg.norm(offset, axis=1), offset.max(axis=1)
-        # the block is square: its outline is farther away along its diagonals
-        end = zone.half_width * np.divide(distance, along, out=np.ones_like(along), where=along > 0.0)
-        return np.clip((end - distance) / (end - start), 0.0, 1.0)
+    Both q and the mesh under it are mirror-symmetric about the ball's axis, so the ball's own field, which is
+    larger than T by orders of magnitude, cancels to roundoff.
+    """
+    lines = box.rings(zone)[0][:-1]
+    outside = lines[lines >= CLEAR * contact_radius]
+    start = outside[0] if len(outside) else lines[-1]
+    offset = np.abs(points[:, :2] - np.array(zone.position))
+    distance, along = np.linalg.norm(offset, axis=1), offset.max(axis=1)
+    # the block is square: its outline is farther away along its diagonals
+    end = zone.half_width * np.divide(distance, along, out=np.ones_like(along), where=along > 0.0)
+    return np.clip((end - distance) / (end - start), 0.0, 1.0)

@@ -13,33 +13,32 @@ from linear_bem.errors import InvalidProblem
 
 @dataclass(frozen=True)
 class Field:
-    """A field on the nodes: its unit, its XDMF attribute type, its components, and its meaning."""
+    """A field on the nodes: its unit, its XDMF attribute type, and its meaning."""
 
     unit: str
     kind: str
-    shape: tuple[int, ...]
     meaning: str
 
 
 _RECOVERED = "at a node the mean over its cells, weighted by volume; where layer and substrate meet, the layer's"
 CATALOGUE = {
-    "displacement": Field("m", "Vector", (3,), "displacement of the material point, as solved for"),
-    "cauchy_stress": Field("Pa", "Tensor", (3, 3), f"Cauchy stress, z upwards, tension > 0; {_RECOVERED}"),
-    "von_mises": Field("Pa", "Scalar", (), "von Mises' equivalent stress of the written Cauchy stress"),
-    "pressure": Field("Pa", "Scalar", (), "mean pressure, -1/3 of the written Cauchy stress's trace; compression > 0"),
+    "displacement": Field("m", "Vector", "displacement of the material point, as solved for"),
+    "cauchy_stress": Field("Pa", "Tensor", f"Cauchy stress, z upwards, tension > 0; {_RECOVERED}"),
+    "von_mises": Field("Pa", "Scalar", "von Mises' equivalent stress of the written Cauchy stress"),
+    "pressure": Field("Pa", "Scalar", "mean pressure, -1/3 of the written Cauchy stress's trace; compression > 0"),
     "volume_ratio": Field(
-        "1", "Scalar", (), f"J, deformed over undeformed volume (at small strain 1 + trace of the strain); {_RECOVERED}"
+        "1", "Scalar", f"J, deformed over undeformed volume (at small strain 1 + trace of the strain); {_RECOVERED}"
     ),
     "principal_stretches": Field(
-        "1", "Vector", (3,), f"principal stretches, largest first (at small strain 1 + principal strains); {_RECOVERED}"
+        "1", "Vector", f"principal stretches, largest first (at small strain 1 + principal strains); {_RECOVERED}"
     ),
     "contact_pressure": Field(
-        "Pa", "Scalar", (),
+        "Pa", "Scalar",
         "contact pressure per deformed area; at nodes of the top the mean over the node's test function (nodal force "
         "over nodal area; on tetrahedra of a vertex's hat function), zero below; not corrected by small strain",
     ),
     "gap": Field(
-        "m", "Scalar", (),
+        "m", "Scalar",
         "distance of the displaced node from the nearest ball: along the normal for a sphere, vertical for a "
         "paraboloid and at small strain; on the top the contact gap, negative where the node penetrates",
     ),

@@ -22,9 +22,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from finite_strain.discretisation.discrete_model import Model
-    from finite_strain.equilibrium.load_path import LoadPath, StepRecord
-    from finite_strain.equilibrium.newton import Equilibrium, NewtonSolver
-    from finite_strain.force.domain_integral import ForceMeter
+    from finite_strain.equilibrium.load_path import LoadPath
+    from finite_strain.equilibrium.newton import NewtonSolver, StepRecord
     from finite_strain.one_discretisation import ModelRun
 
 PAPER_LOAD = 2.66666e-3
@@ -132,7 +131,7 @@ def coarse_plan(
 
 @dataclass
 class Rig:
-    """A model on one mesh of this process, with its solver, load path and force meter."""
+    """A model on one mesh of this process, with its solver and load path."""
 
     plan: RunPlan
     run: ModelRun
@@ -146,10 +145,6 @@ class Rig:
         return self.run.solver
 
     @property
-    def meter(self) -> ForceMeter:
-        return self.run.meter
-
-    @property
     def path(self) -> LoadPath:
         return self.run.path
 
@@ -161,6 +156,12 @@ class Rig:
 
         return np.sqrt(contact_areas(self.model) / math.pi)
 
+    def in_plane_forces(self) -> np.ndarray:
+        """Return T (balls, 2) [N] of whole balls by the domain integral."""
+        from finite_strain.force.domain_integral import in_plane_forces  # noqa: PLC0415
+
+        return in_plane_forces(self.model, self.run.box, self.contact_radii())
+
     def normal_forces(self) -> np.ndarray:
         """Return Q (balls,) [N] of whole balls."""
         return self.model.forces()[:, 2]
@@ -168,20 +169,21 @@ class Rig:
     def press(self, fractions: Sequence[float] | None = None) -> list[StepRecord]:
         """Follow the plan's load path, or these fractions, and converge the last equilibrium."""
         records = list(self.path.steps(self.plan.path if fractions is None else fractions))
-        done = self.settle()
-        records[-1].newton_iterations += done.iterations
-        records[-1].tangents += done.tangents
+        self.settle(record=records[-1])
         return records
 
-    def settle(self, tolerance: float = 1e-9) -> Equilibrium:
+    def settle(self, tolerance: float = 1e-9, record: StepRecord | None = None) -> None:
         """Converge the present equilibrium: load steps end with a loose tolerance, because multipliers follow."""
-        return self.solver.solve(tolerance, float(self.normal_forces().max()), self.path.history[-1].fraction)
+        from finite_strain.equilibrium.newton import StepRecord  # noqa: PLC0415
+
+        record = record or StepRecord(self.path.history[-1].fraction)
+        self.solver.solve(tolerance, float(self.normal_forces().max()), record)
 
 
 def coarse_rig(
     plan: RunPlan, folder: Path, level: Discretisation = QUADRATIC, observer: Any = None, meshed: Any = None
 ) -> Rig:
-    """Mesh a plan's box (or take a mesh) and return the model on it with its solver, force meter and load path."""
+    """Mesh a plan's box (or take a mesh) and return the model on it with its solver and load path."""
     from mpi4py import MPI  # noqa: PLC0415
 
     from finite_strain.observer import Silence  # noqa: PLC0415

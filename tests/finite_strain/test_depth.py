@@ -244,7 +244,7 @@ def test_unloading_and_reloading_retrace_the_first_loading(tmp_path: Path) -> No
     seen: dict[float, list[tuple[float, float, float]]] = {}
     for record in rig.path.steps([0.25, 0.5, 1.0, 0.5, 0.25, 1.0, 0.5]):
         rig.settle()
-        pull = rig.meter.domain(rig.contact_radii())[0, 0]
+        pull = rig.in_plane_forces()[0, 0]
         seen.setdefault(record.fraction, []).append((rig.normal_forces()[0], pull, rig.model.strain_energy()))
     assert [len(seen[fraction]) for fraction in (0.25, 0.5, 1.0)] == [2, 3, 2]
     for states in seen.values():  # elastic and without friction: no hysteresis beyond Newton's tolerance

@@ -16,7 +16,8 @@ pytest.importorskip("dolfinx")
 from finite_strain import compat
 from finite_strain.discretisation.discrete_model import Model
 from finite_strain.discretisation.nodal_values import element_of
-from finite_strain.equilibrium.newton import NewtonSolver
+from finite_strain.equilibrium.newton import NewtonSolver, StepRecord
+from finite_strain.force.domain_integral import ramp
 from finite_strain.geometry.symmetry import Image, ModelBall, Reduction
 from tests.finite_strain.scenes import (
     COARSER,
@@ -88,7 +89,8 @@ def place(rig: Rig, number: int, axis: int, length: float) -> None:
 def carry(rig: Rig, number: int, axis: int, length: float) -> None:
     """Move a ball, and the mesh with it by the weight q of its domain integral."""
     model = rig.model
-    q = rig.meter._ramp(number, rig.contact_radii()[number])
+    box, points = rig.run.box, model.linear_space.tabulate_dof_coordinates()
+    q = ramp(box, box.zones[number], rig.contact_radii()[number], points)
     model.mesh.geometry.x[:, axis] += length * at_mesh_nodes(model, q)
     place(rig, number, axis, length)
 
@@ -127,7 +129,7 @@ def test_the_domain_integral_is_the_derivative_of_the_discrete_energy_by_moving_
         if not augmented:
             pressed.model.contact.forget_multipliers()
             settle(pressed)
-        forces = pressed.meter.domain(pressed.contact_radii())
+        forces = pressed.in_plane_forces()
         for number, axis in free_directions(pressed):
             up, down = energies_from(pressed, number, axis, step, augmented)
             expected = -pressed.model.contact.balls[number].copies * (up - down) / (2.0 * step)
@@ -145,7 +147,7 @@ def energies_from(rig: Rig, number: int, axis: int, step: float, augmented: bool
 
 
 def test_there_is_no_force_across_a_symmetry_plane(pressed: Rig) -> None:
-    domain, traction = pressed.meter.domain(pressed.contact_radii()), pressed.model.forces()
+    domain, traction = pressed.in_plane_forces(), pressed.model.forces()
     for number, ball in enumerate(pressed.model.contact.balls):
         assert not np.any(domain[number, list(ball.fixed_axes)])
         assert not np.any(traction[number, list(ball.fixed_axes)])
@@ -175,14 +177,14 @@ def test_the_normal_force_is_the_derivative_of_the_energy_by_the_approach(presse
 
 
 def test_the_traction_integral_is_off_by_less_than_a_thousandth_of_the_normal_force(pressed: Rig) -> None:
-    domain, traction = pressed.meter.domain(pressed.contact_radii()), pressed.model.forces()
+    domain, traction = pressed.in_plane_forces(), pressed.model.forces()
     for number, axis in free_directions(pressed):
         # discretisation: one quadratic element per contact radius
         assert abs(traction[number, axis] - domain[number, axis]) < 1e-3 * traction[number, 2]
 
 
 def test_the_balls_of_a_pair_pull_each_other_equally(pressed: Rig) -> None:
-    forces = pressed.meter.domain(pressed.contact_radii())
+    forces = pressed.in_plane_forces()
     if pressed.model.reduction.planes == (0, 1):
         assert forces.shape == (1, 2)  # the other ball is a mirror image
         return
@@ -208,7 +210,7 @@ def test_a_single_ball_feels_almost_no_in_plane_force_without_imposed_symmetry(t
     normal = rig.normal_forces()[0]
     # the block about the ball is mirror-symmetric, the rest of the mesh is not; the smallest T / Q computed for a pair
     # at this approach is a thousand times larger
-    assert np.abs(rig.meter.domain(rig.contact_radii())).max() < 5e-6 * normal
+    assert np.abs(rig.in_plane_forces()).max() < 5e-6 * normal
     assert np.abs(rig.model.forces()[0, :2]).max() < 5e-6 * normal
 
 
@@ -218,13 +220,12 @@ def shift_by(rig: Rig, length: float) -> None:
     The energies of separate meshes would differ by a tenth of the change with distance.
     """
     x = rig.model.mesh.geometry.x
-    (zone,) = rig.meter.box.zones
+    (zone,) = rig.run.box.zones
     middle = zone.position[0]
     x[:, 0] += length * np.interp(x[:, 0], [0.0, middle - 0.5, middle + 0.5, x[:, 0].max()], [0.0, 1.0, 1.0, 0.0])
     (ball,) = rig.model.contact.balls
     place(rig, 0, 0, middle + length - ball.position[0])
-    rig.meter.box = replace(rig.meter.box, zones=(replace(zone, position=(middle + length, 0.0)),))
-    rig.meter._points = rig.model.linear_space.tabulate_dof_coordinates()
+    rig.run.box = replace(rig.run.box, zones=(replace(zone, position=(middle + length, 0.0)),))
 
 
 @pytest.mark.slow
@@ -240,7 +241,7 @@ def test_the_tangential_force_is_the_slope_of_the_energy_by_distance_at_given_ap
         shift_by(rig, shift)
         rig.settle()
         found.append(4.0 * rig.model.energy())
-        forces.append(rig.meter.domain(rig.contact_radii())[0, 0])
+        forces.append(rig.in_plane_forces()[0, 0])
     # the right ball moves by two steps, the left one as far the other way. Simpson's rule
     attraction = -np.array(forces)
     work = 2.0 * step * (attraction[0] + 4.0 * attraction[1] + attraction[2]) / 3.0
@@ -250,8 +251,8 @@ def test_the_tangential_force_is_the_slope_of_the_energy_by_distance_at_given_ap
 def test_a_second_solver_finds_the_same_equilibrium(tmp_path: Path) -> None:
     rig: Any = coarse_rig(coarse_plan(pair(0.1, poisson=0.3)), tmp_path, QUADRATIC)
     rig.press()
-    before = rig.meter.domain(rig.contact_radii())
+    before = rig.in_plane_forces()
     other = NewtonSolver(rig.model, rig.path.control)
-    other.solve(SOLVER, 1.0, 1.0)
+    other.solve(SOLVER, 1.0, StepRecord(1.0))
     other.close()
-    assert rig.meter.domain(rig.contact_radii())[0, 0] == relatively(before[0, 0], 1e-5)
+    assert rig.in_plane_forces()[0, 0] == relatively(before[0, 0], 1e-5)

@@ -17,7 +17,8 @@ from finite_strain import one_discretisation
 from finite_strain.accuracy.answer import MOST
 from finite_strain.accuracy.error_budget import LOOSE, enforcement
 from finite_strain.contact.contact_energy import Penalised
-from finite_strain.equilibrium.load_path import DOUBLINGS, EXACT, LoadPath, State, StepRecord
+from finite_strain.equilibrium.load_path import DOUBLINGS, EXACT, LoadPath, State
+from finite_strain.equilibrium.newton import StepRecord
 from finite_strain.geometry.estimates import PENETRATION
 from finite_strain.one_discretisation import LARGEST_PENETRATION, ROUNDS, STIFFER, MeshRun
 from finite_strain.planning.records import Record, save_records, saved_records
@@ -41,7 +42,7 @@ from tests.finite_strain.scenes import (
 def deep_without_multipliers(tmp_path_factory: pytest.TempPathFactory) -> Any:
     rig = coarse_rig(coarse_plan(pair(0.8), numerics=ONE_LOAD), tmp_path_factory.mktemp("deep"))
     *_, last = rig.path.steps(rig.plan.path)
-    pull = rig.meter.domain(rig.contact_radii())[0, 0]
+    pull = rig.in_plane_forces()[0, 0]
     return rig, last, rig.run.state(1.0), pull, rig.model.contact.penalties.copy()
 
 
@@ -91,14 +92,14 @@ def test_an_augmentation_removes_the_penetration_left_by_the_penalty(tmp_path: P
     left, force, pull = (
         rig.model.readings.mean_gaps()[0],
         rig.normal_forces()[0],
-        rig.meter.domain(rig.contact_radii())[0, 0],
+        rig.in_plane_forces()[0, 0],
     )
     assert -2.0 * PENETRATION * 0.1 < left < 0.0
     assert rig.path.augment(last)
     assert abs(rig.model.readings.mean_gaps()[0]) < 0.2 * abs(left)
     # penetration acts like a smaller approach
     assert rig.normal_forces()[0] / force - 1.0 == pytest.approx(-1.6 * left / 0.1, rel=0.3)
-    assert abs(rig.meter.domain(rig.contact_radii())[0, 0] - pull) < 0.05 * abs(pull) + 1e-5 * force
+    assert abs(rig.in_plane_forces()[0, 0] - pull) < 0.05 * abs(pull) + 1e-5 * force
     assert 0 < last.augmentation_iterations <= last.newton_iterations
 
 

@@ -17,7 +17,7 @@ import h5py
 from scipy.spatial import cKDTree
 
 import finite_strain
-from finite_strain.equilibrium.load_path import StepRecord
+from finite_strain.equilibrium.newton import StepRecord
 from finite_strain.one_discretisation import ModelRun
 from finite_strain.output.field_catalogue import CATALOGUE
 from finite_strain.planning.records import NAME, Record, save_records, saved_records

@@ -27,7 +27,8 @@ from runs.studies.framework.case import Case
 
 if TYPE_CHECKING:
     from finite_strain.discretisation.checkpoint import Snapshot
-    from finite_strain.equilibrium.load_path import State, StepRecord
+    from finite_strain.equilibrium.load_path import State
+    from finite_strain.equilibrium.newton import StepRecord
     from finite_strain.one_discretisation import ModelRun
     from finite_strain.planning.records import Discretisation, Record
     from finite_strain.planning.run_plan import RunPlan
