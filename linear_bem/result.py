@@ -223,7 +223,7 @@ class Result:
         return f"<p>{html.escape(repr(self))}</p><table>{line(COLUMNS, 'th')}{body}</table><p>{remarks}</p>"
 
     def plot(self) -> Any:
-        """Return a matplotlib figure: contacts in plan, to scale, and T on every ball as an arrow."""
+        """Return a matplotlib figure: contacts from above, to scale, and T on every ball as an arrow."""
         from linear_bem.plotting import plan_of_balls  # noqa: PLC0415  (matplotlib, only where something is drawn)
 
         return plan_of_balls(self.balls)

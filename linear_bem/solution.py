@@ -57,15 +57,15 @@ class Solution:
     seconds: float = 0.0
 
     def pressure(self, x: Array, y: Array) -> Array:
-        """Return the contact pressure [Pa] at surface points [m]."""
+        """Return the contact pressure [Pa], positive in compression, at surface points x, y [m], in their shape."""
         return self.contacts.pressure(x, y)
 
     def displacement(self, x: Array, y: Array) -> Array:
-        """Return the surface displacement [m], positive into the layer, at surface points [m]."""
+        """Return the surface displacement [m], positive into the layer, at surface points x, y [m], in their shape."""
         return self.contacts.displacement(x, y)
 
     def outline(self, ball: int) -> tuple[Array, Array]:
-        """Return points x, y [m] on the edge of one ball's contact, none if it does not touch."""
+        """Return points x, y [m], each (n,), on the edge of one ball's contact; n = 0 if it does not touch."""
         self.require_ball(ball)
         x, y = self.contacts.outline(ball)
         to_x, to_y = self.problem.positions[ball] - self.contacts.problem.positions[ball]  # to another image
