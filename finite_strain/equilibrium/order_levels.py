@@ -72,9 +72,18 @@ def orders(model: Model) -> list[Coarse]:
 
 def of_order(fine: Any, space: Any) -> Coarse:
     """Return the level of a Lagrange ``space`` of lower order, below the ``fine`` space on the same mesh."""
-    nodes = space.dofmap.index_map
-    numbers = nodes.local_to_global(np.arange(nodes.size_local + nodes.num_ghosts, dtype=np.int32))
-    return Coarse(_shapes(fine, space), nodes.size_local, numbers)
+    fine_dofs, coarse_dofs = compat.cell_dofs(fine), compat.cell_dofs(space)
+    elements = [element_of(dofs.shape[1]) for dofs in (fine_dofs, coarse_dofs)]
+    values = elements[1].tabulate(0, elements[0].points)[0].reshape(fine_dofs.shape[1], coarse_dofs.shape[1])
+    nodes, first = np.unique(fine_dofs, return_index=True)  # one of the cells that share a node
+    cells, places = np.unravel_index(first, fine_dofs.shape)
+    entries = values[places]
+    kept = np.abs(entries) > _ROUNDOFF
+    rows = np.repeat(nodes, kept.sum(axis=1))
+    maps = [each.dofmap.index_map for each in (fine, space)]
+    size = [nodes.size_local + nodes.num_ghosts for nodes in maps]
+    shapes = sparse.csr_matrix((entries[kept], (rows, coarse_dofs[cells][kept])), shape=size)
+    return Coarse(shapes, maps[1].size_local, maps[1].local_to_global(np.arange(size[1], dtype=np.int32)))
 
 
 def upright(fine: Any, orders: Sequence[int]) -> list[Coarse]:
@@ -181,17 +190,3 @@ def interpolation(level: Coarse, fixed: np.ndarray, own_fine: int, comm: MPI.Com
     matrix = PETSc.Mat().createAIJ(((rows, None), (3 * level.owned, None)), csr=csr, comm=comm)
     matrix.setBlockSizes(3, 3)
     return matrix, held
-
-
-def _shapes(fine: Any, coarse: Any) -> sparse.csr_matrix:
-    """Return the values (fine nodes, coarse nodes) of the coarse shape functions at this rank's fine nodes."""
-    fine_dofs, coarse_dofs = compat.cell_dofs(fine), compat.cell_dofs(coarse)
-    elements = [element_of(dofs.shape[1]) for dofs in (fine_dofs, coarse_dofs)]
-    values = elements[1].tabulate(0, elements[0].points)[0].reshape(fine_dofs.shape[1], coarse_dofs.shape[1])
-    nodes, first = np.unique(fine_dofs, return_index=True)  # one of the cells that share a node
-    cells, places = np.unravel_index(first, fine_dofs.shape)
-    entries = values[places]
-    kept = np.abs(entries) > _ROUNDOFF
-    size = [space.dofmap.index_map.size_local + space.dofmap.index_map.num_ghosts for space in (fine, coarse)]
-    rows = np.repeat(nodes, kept.sum(axis=1))
-    return sparse.csr_matrix((entries[kept], (rows, coarse_dofs[cells][kept])), shape=size)

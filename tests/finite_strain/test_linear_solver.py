@@ -126,9 +126,9 @@ def test_a_reused_tangent_finds_the_same_equilibrium_as_new_ones(case: str, tmp_
     for most in (0, Numerics().lagged_iterations):
         rig = deep_rig(form, poisson, tmp_path, f"most {most}", lagged_iterations=most)
         records = list(rig.path.steps(PATH))
-        end = rig.settle()  # a load step ends loosely converged
-        tangents = sum(record.tangents for record in records) + end.tangents
-        iterations = sum(record.newton_iterations for record in records) + end.iterations
+        rig.settle(record=records[-1])  # a load step ends loosely converged
+        tangents = sum(record.tangents for record in records)
+        iterations = sum(record.newton_iterations for record in records)
         found.append((rig.normal_forces()[0], tangents, iterations))
         rig.run.close()
     (new, made_always, iterations_always), (kept, made, iterations) = found
