@@ -10,10 +10,10 @@ from scipy.ndimage import map_coordinates
 
 from linear_bem.arrays import Array, Mask
 from linear_bem.errors import NotConverged, UnsupportedProblem
-from linear_bem.grid.clusters import shared_patches
 from linear_bem.grid.outline import edge_error, edge_mean, excess_edge
 from linear_bem.grid.patches import Patch, Patches
 from linear_bem.grid.polonsky_keer import GridState, solve_bounded
+from linear_bem.grid.shared_patches import shared_patches
 from linear_bem.grid.surface import surface_displacement
 from linear_bem.indenter import Indenter
 from linear_bem.layer.kernel import LayeredKernel
