@@ -159,10 +159,12 @@ class Problem:
         """Return the problem with every ball at its image inside the periodic cell; unchanged without one."""
         positions = self.positions
         places = wrapped(positions, self.cell)
-        if np.array_equal(places, positions):
-            return self
-        balls = (replace(ball, position=(float(x), float(y))) for ball, (x, y) in zip(self.balls, places, strict=True))
-        return replace(self, balls=tuple(balls))
+        return self if np.array_equal(places, positions) else self.at(places)
+
+    def at(self, positions: Array) -> Problem:
+        """Return the same bodies under the same load with their axes at ``positions``, shape (balls, 2) [m]."""
+        placed = zip(self.balls, positions, strict=True)
+        return replace(self, balls=tuple(replace(ball, position=(float(x), float(y))) for ball, (x, y) in placed))
 
     def with_load(self, kind: LoadKind, values: Sequence[float]) -> Problem:
         """Return the same bodies under another load."""

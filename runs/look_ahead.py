@@ -119,7 +119,7 @@ def in_the_middle(problem: Problem, count: int) -> tuple[Problem, Sequence[int]]
     cell = 2.0 * shares[seen[-1]] * lengths + 2.0 * max(ball.radius for ball in problem.balls)
     if np.any(cell >= lengths):
         return whole
-    part = _at(place + offsets[seen], only(problem, seen))
+    part = only(problem, seen).at(place + offsets[seen])
     try:
         return dataclasses.replace(part, periodic=Periodic((float(cell[0]), float(cell[1])))), seen
     except InvalidProblem:  # bodies wider than their radius
@@ -129,20 +129,12 @@ def in_the_middle(problem: Problem, count: int) -> tuple[Problem, Sequence[int]]
 def out_of_cell(problem: Problem, ahead: Result) -> Problem:
     """Return the problem without its cell, each ball at its image nearest to the ball with the largest T."""
     place = problem.positions[leading_ball([ball.to_dict() for ball in ahead.balls])]
-    return dataclasses.replace(_at(place + offsets_from(place, problem), problem), periodic=None)
+    return dataclasses.replace(problem.at(place + offsets_from(place, problem)), periodic=None)
 
 
 def offsets_from(place: Array, problem: Problem) -> Array:
     """Return positions (n, 2) [m] of the balls relative to a place (2,), in a cell those of the nearest images."""
     return to_nearest(problem.positions - place, problem.cell)
-
-
-def _at(positions: Array, problem: Problem) -> Problem:
-    balls = tuple(
-        dataclasses.replace(ball, position=(float(x), float(y)))
-        for ball, (x, y) in zip(problem.balls, positions, strict=True)
-    )
-    return dataclasses.replace(problem, balls=balls)
 
 
 def _loaded(problem: Problem) -> Mask:

@@ -1,7 +1,7 @@
 """What moves the balls: T and Q of every ball at any positions."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,14 +24,6 @@ Forces = Callable[[Array], State]
 """Positions (balls, 2) [m] in; state out. Overlaps by the error of a step are allowed."""
 
 
-def at(problem: Problem, positions: Array) -> Problem:
-    """Return ``problem`` with its balls at ``positions``, shape (balls, 2) [m]."""
-    placed = [
-        replace(ball, position=(float(x), float(y))) for ball, (x, y) in zip(problem.balls, positions, strict=True)
-    ]
-    return replace(problem, balls=tuple(placed))
-
-
 class DirectForces:
     """Forces by the full linear model at any positions, for many balls of any sizes.
 
@@ -50,5 +42,5 @@ class DirectForces:
         Raises what `linear_bem.ContactSequence` raises.
         """
         apart = self._balls.parted(positions, np.ones(len(positions)))
-        found = self._sequence.solve(at(self.problem, apart))
+        found = self._sequence.solve(self.problem.at(apart))
         return State(found.tangential_force, found.normal_forces, found.tangential_force_error)

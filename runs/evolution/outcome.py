@@ -17,7 +17,7 @@ from linear_bem.touching import nearest_distances
 from runs.display.numbers import count
 from runs.evolution import equilibria
 from runs.evolution.drift import PUSHING, Drift, Moment
-from runs.evolution.forces import Forces, at
+from runs.evolution.forces import Forces
 from runs.evolution.hard_balls import HardBalls, resistances
 from runs.evolution.pair_forces import PairForces
 from runs.evolution.providers import DIRECT_ACCURACY, MEASURED, Provider
@@ -201,7 +201,7 @@ def direct_check(
     for name, moment in (("start", moments[0]), ("end", moments[-1])):
         state = forces(moment.positions)
         try:
-            apart = at(problem, hard.parted(moment.positions, np.ones(len(moment.positions))))
+            apart = problem.at(hard.parted(moment.positions, np.ones(len(moment.positions))))
             full = solve(replace(apart, periodic=cell), accuracy=accuracy)
         except (NotConverged, UnsupportedProblem, TooLarge) as error:
             rows.append({"at": name, "share": None, "reason": str(error)})

@@ -16,7 +16,7 @@ from linear_bem.arrays import Array
 from linear_bem.errors import UnsupportedProblem
 from runs.evolution import outcome, pair_table, showing
 from runs.evolution.evolving import evolve_scene
-from runs.evolution.forces import State, at
+from runs.evolution.forces import State
 from runs.evolution.hard_balls import HardBalls
 from runs.scene.scene_file import InvalidScene, read_scene
 from runs.scene.units import Unit
@@ -65,7 +65,7 @@ def test_the_error_at_the_end_covers_the_full_linear_model(
     document = evolved(tmp_path, model, more)
     balls = document["balls"]
     scene = read_scene(tmp_path / "four.toml")
-    there = at(scene.problem, np.array([ball["position"] for ball in balls]))
+    there = scene.problem.at(np.array([ball["position"] for ball in balls]))
     full = solve(replace(there, periodic=Periodic((8.0, 9.0)) if more else None), accuracy=1e-3).balls
     away = [np.subtract(b["tangential_force"], f.tangential_force) for b, f in zip(balls, full, strict=True)]
     errors = np.array([b["tangential_force_error"] for b in balls])

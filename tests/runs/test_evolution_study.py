@@ -15,7 +15,6 @@ from linear_bem import Load, Result, solve
 from linear_bem.result import Solved, Step
 from runs import studies
 from runs.evolution import evolving, pair_table, showing
-from runs.evolution.forces import at
 from runs.evolution.providers import provider
 from runs.models import MODELS, choose, standing
 from runs.scene.scene_file import read_scene
@@ -176,7 +175,7 @@ def test_thousands_of_cycles_are_written_in_full() -> None:
 
 
 def spread(problem: Any, x: Any) -> float:
-    linear = dataclasses.replace(at(problem, x), finite_strain=None)
+    linear = dataclasses.replace(problem.at(x), finite_strain=None)
     return solve(linear, accuracy=1e-3).balls[0].tangential_force[0]
 
 

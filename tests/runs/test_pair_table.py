@@ -14,7 +14,7 @@ from linear_bem.errors import OutputUnusable, UnsupportedProblem
 from linear_bem.problem import FiniteStrain
 from linear_bem.result import BallResult, Solved
 from runs.evolution import pair_table
-from runs.evolution.forces import DirectForces, at
+from runs.evolution.forces import DirectForces
 from runs.evolution.pair_forces import PairForces, SingleBall
 from runs.evolution.providers import Provider, point_loads, provider
 from runs.models import MODELS, Run
@@ -53,7 +53,7 @@ def test_point_loads_are_the_models_own(foam: Provider) -> None:
     problem = scene([(0.0, 0.0), (0.031, 0.004), (0.011, 0.035)])
     x = np.array([ball.position for ball in problem.balls])
     state = spread(foam, problem)(x)
-    balls = solve_point_load(at(problem, x)).balls
+    balls = solve_point_load(problem.at(x)).balls
     # both interpolate the single ball's law; this one is the nearer to it
     assert state.normal == pytest.approx([ball.normal_force for ball in balls], rel=0.015)
     assert state.tangential == pytest.approx(np.array([ball.tangential_force for ball in balls]), rel=0.03, abs=1e-3)

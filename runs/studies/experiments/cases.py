@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from runs.evolution.evolving import TABLES, Evolution, open_session
-from runs.evolution.forces import at
 from runs.evolution.pair_table import PairTable
 from runs.evolution.providers import table_of
 from runs.models import MODELS, standing
@@ -54,7 +53,7 @@ class Case:
         if self.direct:
             changed |= {"forces": "direct", "ensemble": 1, "tolerance": DIRECT_TOLERANCE}
         sliding = sliding.model_copy(update=changed)
-        problem = scene.problem if self.positions is None else at(scene.problem, np.array(self.positions))
+        problem = scene.problem if self.positions is None else scene.problem.at(np.array(self.positions))
         if self.poisson is not None:
             problem = dataclasses.replace(problem, layer=dataclasses.replace(problem.layer, poisson=self.poisson))
         drift: dict[str, Any] = {"reciprocation": sliding}

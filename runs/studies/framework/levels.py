@@ -194,11 +194,7 @@ def _of(plan: RunPlan, run: ModelRun, record: Record) -> dict[str, Any]:
 
 def moved(problem: Problem, shift: float) -> Problem:
     """Return a pair on the x axis with each ball moved outwards by ``shift`` [m]."""
-    balls = tuple(
-        dataclasses.replace(b, position=(b.position[0] + np.sign(b.position[0]) * shift, b.position[1]))
-        for b in problem.balls
-    )
-    return dataclasses.replace(problem, balls=balls)
+    return problem.at(problem.positions + shift * np.sign(problem.positions))
 
 
 def move_nodes(points: Array, zone: Zone, shift: float) -> None:
