@@ -59,6 +59,17 @@ class Moment:
 
 
 @dataclass(frozen=True, eq=False)
+class Continuation:
+    """The part of a `Moment` from which the path goes on exactly as without an interruption."""
+
+    sigma: float
+    positions: Array
+    step: float | None = None
+    spare: float = 0.0
+    steps: int = 0
+
+
+@dataclass(frozen=True, eq=False)
 class _Neighbours:
     """Pairs that may close in a step: numbers, gaps at its start [m], h of each if nothing changes (inf: opens)."""
 
@@ -77,17 +88,16 @@ class Drift:
     def __init__(self, forces: Forces, balls: HardBalls, tolerance: float, rest: float) -> None:
         self.forces, self.balls, self.tolerance, self.rest = forces, balls, tolerance, rest
 
-    def path(
-        self, start: Array, end: float, sigma: float = 0.0, step: float | None = None, spare: float = 0.0,
-        steps: int = 0, *, ending: bool = False,
-    ) -> Iterator[Moment]:  # fmt: skip
+    def path(self, start: Array | Moment | Continuation, end: float, *, ending: bool = False) -> Iterator[Moment]:
         """Yield every moment from ``start`` until sigma = ``end`` or until nothing moves, both included.
 
-        Only the last moment depends on ``end``: if a step would pass it, shorter ones to ``end`` yield no others, even
-        where nothing moves any more. Forces that fail beyond ``end`` do not matter. ``ending``: it is known
-        that the first step would pass ``end``.
+        ``start``: positions (balls, 2) [m], or where another path was left. Only the last moment depends on ``end``: if
+        a step would pass it, shorter ones to ``end`` yield no others, even where nothing moves any more. Forces that
+        fail beyond ``end`` do not matter. ``ending``: it is known that the first step would pass ``end``.
         """
-        x, state = start, self.forces(start)
+        begin = Continuation(0.0, start) if isinstance(start, np.ndarray) else start
+        x, sigma, step, spare, steps = begin.positions, begin.sigma, begin.step, begin.spare, begin.steps
+        state = self.forces(x)
         while True:
             contacts = self.balls.touching(x, self.tolerance)
             opening = -np.maximum(self.balls.gaps(x, contacts), 0.0) / step if step else None

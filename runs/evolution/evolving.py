@@ -223,11 +223,7 @@ class Evolution:
             return
         steps_before = sum(m.get("steps", 0) for m in members.values())
         drift = Drift(source.forces, self.balls, self.balls.tolerance, self.sliding.rest)
-        restart = record.continuation
-        if restart is None:
-            path = drift.path(start(self.balls, self._nominal, self.sliding, number), self.end)
-        else:
-            path = drift.path(restart.positions, self.end, restart.sigma, restart.step, restart.spare, restart.steps)
+        path = drift.path(record.continuation or start(self.balls, self._nominal, self.sliding, number), self.end)
         saved = reported = time.monotonic()
         duration = 0.0
         for moment in path:

@@ -152,7 +152,7 @@ def position_error(
     def there(last: Moment, sigma: float) -> Array:
         if last.resting:
             return last.positions
-        return next(coarse.path(last.positions, sigma, last.sigma, last.step, last.spare, ending=True)).positions
+        return next(coarse.path(last, sigma, ending=True)).positions
 
     compared = dict(zip(passed, moments, strict=True))
     return max(float(np.max(np.abs(there(path[k], m.sigma) - m.positions))) for k, m in compared.items())

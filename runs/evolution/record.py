@@ -14,11 +14,11 @@ import numpy as np
 
 from linear_bem.arrays import Array
 from linear_bem.errors import OutputUnusable
-from runs.evolution.drift import AT_END, Moment
+from runs.evolution.drift import AT_END, Continuation, Moment
 from runs.evolution.forces import State
 from runs.evolution.hard_balls import HardBalls, Pairs
 from runs.process.files import DAMAGED, replacing
-from runs.process.json_values import Document
+from runs.process.json_values import Document, plain
 
 WORTH_KEEPING, OF_MANY = 0.02, 0.25
 """Displacement since the last kept moment, over the smallest touching distance, after which the next one is kept: for
@@ -30,25 +30,6 @@ NEIGHBOURS = 1.2
 """Starting distance over the smallest one up to which two balls are neighbours."""
 
 
-@dataclass(frozen=True, eq=False)
-class Continuation:
-    """Restart state that reproduces the uninterrupted path: sigma [m], positions (balls, 2) [m], next step [m].
-
-    ``steps``: see `Moment`.
-    """
-
-    sigma: float
-    positions: Array
-    step: float
-    spare: float
-    steps: int = 0
-
-    @classmethod
-    def at(cls, moment: Moment) -> Continuation:
-        """Return the restart state at a moment whose next step is known."""
-        return cls(moment.sigma, moment.positions, moment.step, moment.spare, moment.steps)
-
-
 @dataclass
 class Record:
     """The kept moments of one path; ``continuation`` is where it resumes, None at its start.
@@ -58,7 +39,7 @@ class Record:
     """
 
     moments: list[Moment] = field(default_factory=list)
-    continuation: Continuation | None = None
+    continuation: Continuation | Moment | None = None
     written: int = 0
     damage: str = ""
 
@@ -86,7 +67,7 @@ class Record:
             return cls(moments, None, len(moments))
         while moments and np.isnan(moments[-1].step):  # saved by an older version
             moments.pop()
-        return cls(moments, Continuation.at(moments[-1]) if moments else None, len(moments), damage)
+        return cls(moments, moments[-1] if moments else None, len(moments), damage)
 
     def to_dict(self, balls: HardBalls, folder: Path) -> Document:
         """Return the JSON object that `from_dict` reads; moments of many balls are written to ``folder``."""
@@ -97,7 +78,7 @@ class Record:
             self.written = len(self.moments)
         return {
             "path": [in_brief(moment) if balls.many else to_dict(moment, balls) for moment in self.moments],
-            "continuation": None if restart is None else {**vars(restart), "positions": restart.positions.tolist()},
+            "continuation": restart and {key: plain(getattr(restart, key)) for key in Continuation.__annotations__},
         }
 
     def ended(self, end: float) -> bool:
@@ -113,7 +94,7 @@ class Record:
     def take(self, moment: Moment, balls: HardBalls, *, last: bool) -> None:
         """Keep the moment if the balls have moved enough, and always store the restart state."""
         if not last:
-            self.continuation = Continuation.at(moment)
+            self.continuation = moment
         if self.moments and not last:
             before = self.moments[-1]
             moved = float(np.max(np.abs(moment.positions - before.positions)))
