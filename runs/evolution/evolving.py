@@ -3,6 +3,7 @@
 import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,8 @@ TABLES = Path("out/pair-tables")
 
 def evolve_scene(scene: Scene, asked: str | None, options: Options, tables: Path | None = None) -> None:
     """Compute the motion of the balls of ``scene``, save the run and print its result."""
-    conduct(open_session(scene, asked, options), lambda s: Evolution(s, tables).complete(), showing.show)
+    session, balls = open_session(scene, asked, options), balls_of(scene)
+    conduct(session, lambda s: Evolution(s, tables).complete(), partial(showing.show, balls))
 
 
 def open_session(scene: Scene, asked: str | None, options: Options) -> Session:
@@ -67,16 +69,14 @@ def require_drift(scene: Scene, model: Model, problem: Problem) -> None:
         texts = overlap_faults(bodies, problem.positions, balls.cell)
         if texts:
             raise InvalidScene(scene.path, *(messages.of_problem(text, scene.data) for text in texts))
-    assert scene.reciprocation is not None
-    require_forces(model, problem, scene.reciprocation.forces)
+    require_forces(model, problem, scene.sliding.forces)
 
 
 def balls_of(scene: Scene) -> HardBalls:
     """Return the hard balls of a scene; raises `InvalidScene` for approaches that do not fit one flat plate."""
     cell, rolling = scene.drift.get("periodic"), scene.drift.get("rolling_resistance")
     lengths, share = None if cell is None else cell.lengths, 0.0 if rolling is None else rolling.share
-    assert scene.reciprocation is not None
-    tolerance = scene.reciprocation.tolerance * min(ball.radius for ball in scene.problem.balls)
+    tolerance = scene.sliding.tolerance * min(ball.radius for ball in scene.problem.balls)
     try:
         return HardBalls.of(scene.problem, lengths, share, tolerance)
     except UnsupportedProblem as error:
@@ -94,9 +94,8 @@ class Evolution:
     """The balls of one session: from the forces between them to the end of their path."""
 
     def __init__(self, session: Session, tables: Path | None = None) -> None:
-        assert session.scene.reciprocation is not None
         self.session, self.problem, self.tables = session, session.problem, tables or TABLES
-        self.sliding = session.scene.reciprocation
+        self.sliding = session.scene.sliding
         self.balls = balls_of(session.scene)
         self._arrangements: list[Document] = []
         self._nominal = self.problem.positions
@@ -115,7 +114,7 @@ class Evolution:
         if not session.root:
             return None
         document, record = self._run(source)
-        document["sentences"] = showing.sentences(session.scene, document, session.scale.units.length)
+        document["sentences"] = showing.sentences(session.scene, document, self.balls, session.scale.units.length)
         session.save(document, rows(document))
         drop_from(self._folder, len(record.moments))
         if pictures:

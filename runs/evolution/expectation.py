@@ -61,8 +61,7 @@ def expectation(
     ``solution`` is the time [s] of the linear solution of all balls; ``tables`` is the folder of the tables of pairs.
     ``parts`` are processor times [s] of one process.
     """
-    sliding, size = scene.reciprocation, problem.size
-    assert sliding is not None
+    sliding, size = scene.sliding, problem.size
     direct = sliding.forces == "direct" and model.name != "point_load"
     missing = [] if direct else _missing(scene, model, problem, tables or TABLES)
     table = planned_table(model, missing, scene.tangential_force, scene.budget)
@@ -157,8 +156,7 @@ def _direct(scene: Scene, problem: Problem, solution: float) -> float:
 
 def _followed(scene: Scene, problem: Problem, forces: Forces) -> tuple[Moment, float]:
     """Follow the first path until the patience ends; return the last moment and the time [s] since the first."""
-    sliding, balls = scene.reciprocation, balls_of(scene)
-    assert sliding is not None
+    sliding, balls = scene.sliding, balls_of(scene)
     drift = Drift(forces, balls, balls.tolerance, sliding.rest)
     moments = drift.path(start(balls, problem.positions, sliding, 0), sliding.end)
     moment = next(moments)

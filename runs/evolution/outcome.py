@@ -45,8 +45,7 @@ def results(
     save: Callable[[], None],
 ) -> Document:  # fmt: skip
     """Return the results of a complete path; those in ``found`` are taken from there, new ones added and saved."""
-    forces, problem, sliding, model = source.forces, session.problem, session.scene.reciprocation, session.model.name
-    assert sliding is not None
+    forces, problem, sliding, model = source.forces, session.problem, session.scene.sliding, session.model.name
     begin, end = moments[0].positions, moments[-1].positions
 
     def once(key: str, words: str, compute: Callable[[], Document]) -> None:

@@ -29,21 +29,19 @@ def draw(
     session: Session, document: Document, moments: Sequence[Moment], balls: HardBalls, layer: Sequence[Document]
 ) -> None:
     """Write every picture of the run; ``layer`` holds the rows of `runs.evolution.structure`, if any."""
-    assert session.scene.reciprocation is not None
-    folder, direction, length = session.out, session.scene.reciprocation.direction, session.scale.units.length
+    folder, sliding, length = session.out, session.scene.sliding, session.scale.units.length
     layer_pictures.draw_ensemble(folder, document["ensemble"], balls, length)
     if layer:
-        layer_pictures.draw_top_views(folder, moments, balls, session.scene.reciprocation.cycles_after, length)
+        layer_pictures.draw_top_views(folder, moments, balls, sliding.cycles_after, length)
         layer_pictures.draw_structure(folder, layer)
         return
-    drawing.draw_top_views(folder, document, balls, direction, length)
+    drawing.draw_top_views(folder, document, balls, sliding.direction, length)
     drawing.draw_distances(folder, document, balls, length)
-    drawing.draw_animation(folder, document, balls, direction, length)
+    drawing.draw_animation(folder, document, balls, sliding.direction, length)
 
 
-def show(session: Session, document: Document) -> None:
+def show(balls: HardBalls, session: Session, document: Document) -> None:
     """Print the end of the path as a table and sentences."""
-    assert session.scene.reciprocation is not None
     out = tables.console()
     end = document["path"][-1]
     title = f"{session.scene.title}: {document['model']}, after {number(end['cycle'])} cycles"
@@ -56,24 +54,20 @@ def show(session: Session, document: Document) -> None:
         tables.say(
             out, f"{title}; result.json has the final state of each of the {len(document['balls'])} balls", shape
         )
-    tables.say(out, *sentences(session.scene, document, session.scale.units.length), _cost(document))
+    tables.say(out, *sentences(session.scene, document, balls, session.scale.units.length), _cost(document))
     tables.say(out, *tables.notes(document["solved"]))
 
 
-def sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
+def sentences(scene: Scene, document: Document, balls: HardBalls, length: Unit) -> list[str]:
     """Return the outcome of the run, one sentence each, in the scene's unit of length."""
-    sliding, problem, end, members = scene.reciprocation, scene.problem, document["path"][-1], document["ensemble"]
-    assert sliding is not None
-    periodic, rolling = scene.drift.get("periodic"), scene.drift.get("rolling_resistance")
+    sliding, problem, end, members = scene.sliding, scene.problem, document["path"][-1], document["ensemble"]
     contacts = members[0]["contacts"]
-    rest = outcome.rest_sentence(document["rest"], contacts, end["cycle"], 0.0 if rolling is None else rolling.share)
+    rest = outcome.rest_sentence(document["rest"], contacts, end["cycle"], balls.rolling)
     lines = [f"the first of {len(members)} members (seed {sliding.seed}): {rest}" if len(members) > 1 else rest]
     if len(members) == 1:
-        cell = None if periodic is None else np.array(periodic.lengths)
-        lines.append(outcome.arrangement_sentence(members[0], problem.positions, cell, length))
-    if periodic is not None:
+        lines.append(outcome.arrangement_sentence(members[0], problem.positions, balls.cell, length))
+    if balls.cell is not None:
         lines.append("positions are not wrapped into the cell: those of balls that have left it lie beyond its edges")
-    smallest = min(ball.radius for ball in problem.balls)
     path = Unit("m", 1.0) if length.name != "R" and end["sigma"] >= LONG * length.size else length
     lines.append(
         f"friction {sliding.friction:g} changes only the time scale: sliding path / friction = {path(end['sigma'])}, "
@@ -92,7 +86,7 @@ def sentences(scene: Scene, document: Document, length: Unit) -> list[str]:
         )
     lines += _compared(document)
     if document["equilibrium"] is not None:
-        lines.append(_balance(document["equilibrium"], smallest, length))
+        lines.append(_balance(document["equilibrium"], float(np.min(balls.radii)), length))
     for pair in document["pair_equilibria"] or []:
         lines.append(f"two balls rest {length(pair['distance'])} apart: {pair['verdict']}")
     if document["pair_equilibria"] == []:

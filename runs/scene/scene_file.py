@@ -206,6 +206,12 @@ class Scene:
         return self.drift.get("reciprocation")
 
     @property
+    def sliding(self) -> ReciprocationTable:
+        """The same, of a scene whose balls drift."""
+        sliding: ReciprocationTable = self.drift["reciprocation"]
+        return sliding
+
+    @property
     def doubts(self) -> tuple[str, ...]:
         """Notes where units may be missing: beside lengths with units, those without, and a very small modulus."""
         young = self.problem.layer.young

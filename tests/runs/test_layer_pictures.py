@@ -39,7 +39,7 @@ def test_the_ends_of_an_ensemble_in_a_cell_are_drawn(tmp_path: Path, monkeypatch
     monkeypatch.setattr(layer_pictures, "draw_structure", lambda *_: None)
     sliding = SimpleNamespace(direction=(1.0, 0.0), cycles_after=lambda sigma: sigma)
     session: Any = SimpleNamespace(
-        out=tmp_path, scene=SimpleNamespace(reciprocation=sliding),
+        out=tmp_path, scene=SimpleNamespace(sliding=sliding),
         scale=SimpleNamespace(units=SimpleNamespace(length=Unit("mm", 1e-3))),
     )  # fmt: skip
     members = [{"seed": seed, "contacts": seed, "positions": PLACES.tolist()} for seed in range(11)]

@@ -45,8 +45,7 @@ class Case:
     def read(self, quick: bool) -> Scene:
         """Return the scene with the changes of this variant."""
         scene = read_scene(SCENES / f"experiment_{self.scene}.toml")
-        sliding = scene.reciprocation
-        assert sliding is not None
+        sliding = scene.sliding
         changed: dict[str, Any] = {"ensemble": min(sliding.ensemble, QUICK_ENSEMBLE)} if quick else {}
         if self.perturbation is not None:
             changed["perturbation"] = self.perturbation
