@@ -25,7 +25,7 @@ from scipy.optimize import brentq, linprog, nnls
 
 from linear_bem.arrays import Array
 from linear_bem.errors import NotConverged
-from runs.evolution.forces import Forces
+from runs.evolution.forces import Forces, abreast
 from runs.evolution.hard_balls import HardBalls, Pairs, resistances
 
 BALANCED = 1e-7
@@ -249,7 +249,7 @@ def of_pair(forces: Forces, touch: float, furthest: float) -> list[tuple[float, 
     """
 
     def pull(distance: float) -> float:
-        return float(forces(np.array([[-0.5 * distance, 0.0], [0.5 * distance, 0.0]])).tangential[0, 0])
+        return float(forces(abreast(distance)).tangential[0, 0])
 
     at = np.geomspace(touch, furthest, 240)
     values = np.array([pull(d) for d in at])

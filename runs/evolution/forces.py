@@ -24,6 +24,11 @@ Forces = Callable[[Array], State]
 """Positions (balls, 2) [m] in; state out. Overlaps by the error of a step are allowed."""
 
 
+def abreast(distance: float) -> Array:
+    """Return the positions of two balls at a distance [m] from each other."""
+    return np.array([[-0.5 * distance, 0.0], [0.5 * distance, 0.0]])
+
+
 class DirectForces:
     """Forces by the full linear model at any positions, for many balls of any sizes.
 

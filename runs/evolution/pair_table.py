@@ -25,6 +25,7 @@ from linear_bem.errors import NotConverged, UnsupportedProblem
 from linear_bem.problem import Ball, Load, Problem
 from linear_bem.result import Result
 from runs.display.numbers import count, duration
+from runs.evolution.forces import abreast
 from runs.evolution.pair_forces import PairForces, PairLaw, SingleBall
 from runs.process import ranks
 from runs.process.files import write_text
@@ -34,9 +35,6 @@ from runs.scene.effects.finite_strain import effect_identity
 
 Solve = Callable[[Problem, Path | None, Sequence[float]], Result]
 """Arguments: problem, folder for the restart files of a long run, load fractions to be solved."""
-
-Places = tuple[tuple[float, float], ...]
-"""Positions of balls [m]."""
 
 FORMAT = 1
 """Format version of tables: raised when older tables must not be used any more."""
@@ -165,8 +163,8 @@ class PairTable:
 
     def missing_problems(self) -> list[Problem]:
         """Return the problems that are still to be solved."""
-        single = [] if self.states.single else [self._placed(((0.0, 0.0),), DEPTHS[-1] * self.approach)]
-        places = [_abreast(d) for d in self._missing_distances()]
+        single = [] if self.states.single else [self._placed(np.zeros((1, 2)), DEPTHS[-1] * self.approach)]
+        places = [abreast(d) for d in self._missing_distances()]
         places += [self._scaled(name) for name in self._missing_arrangements()]
         return [*single, *(self._placed(each, self.approach) for each in places)]
 
@@ -203,14 +201,15 @@ class PairTable:
                 states.additivity.append(self._additivity(name))
                 keep(name, states.additivity[-1].seconds)
 
-    def _scaled(self, arrangement: str) -> Places:
-        return tuple((x * self.touch, y * self.touch) for x, y in ARRANGEMENTS[arrangement])
+    def _scaled(self, arrangement: str) -> Array:
+        return np.array(ARRANGEMENTS[arrangement]) * self.touch
 
-    def _placed(self, places: Places, approach: float) -> Problem:
-        balls = tuple(replace(self.ball, position=place) for place in places)
+    def _placed(self, places: Array, approach: float) -> Problem:
+        """Return the problem of such balls at ``places``, shape (balls, 2) [m]."""
+        balls = tuple(replace(self.ball, position=(float(x), float(y))) for x, y in places)
         return replace(self.problem, balls=balls, load=Load("approach", (approach,) * len(balls)))
 
-    def _solved(self, places: Places, approach: float, steps: Sequence[float] = (1.0,)) -> Result:
+    def _solved(self, places: Array, approach: float, steps: Sequence[float] = (1.0,)) -> Result:
         """Return the model's result; the workspace of a run of minutes is deleted once the run is complete."""
         problem = self._placed(places, approach)
         if not self.slow:
@@ -223,7 +222,7 @@ class PairTable:
 
     def _single(self) -> SingleStates:
         begun = time.perf_counter()
-        path = self._solved(((0.0, 0.0),), DEPTHS[-1] * self.approach, [d / DEPTHS[-1] for d in DEPTHS]).steps
+        path = self._solved(np.zeros((1, 2)), DEPTHS[-1] * self.approach, [d / DEPTHS[-1] for d in DEPTHS]).steps
         states = sorted((s.balls[0].approach, s.balls[0].normal_force) for s in path if s.balls[0].normal_force > 0.0)
         if len(states) < 4:
             raise NotConverged(f"pair table: the single ball's load path has only {len(states)} states")
@@ -232,7 +231,7 @@ class PairTable:
 
     def _pair(self, distance: float) -> PairState:
         begun = time.perf_counter()
-        balls = self._solved(_abreast(distance), self.approach).balls
+        balls = self._solved(abreast(distance), self.approach).balls
         return PairState(
             distance,
             normal_force=0.5 * (balls[0].normal_force + balls[1].normal_force),
@@ -261,9 +260,7 @@ class PairTable:
 
     def _bare_sum(self, positions: Array) -> Array:
         """Return the sum of pair forces (balls, 2) [N], each as if the other balls were not there."""
-        pair = PairForces(
-            self._placed(((-self.touch, 0.0), (self.touch, 0.0)), self.approach), [self.single()] * 2, self.law()
-        )
+        pair = self.of_two()
         total = np.zeros(positions.shape)
         for i in range(len(positions)):
             for j in range(i):
@@ -292,13 +289,13 @@ class PairTable:
         """
         return PairForces(self.problem, [self.single()] * self.problem.size, self.law(), self.worst().coupled, cell)
 
+    def of_two(self) -> PairForces:
+        """Return the forces of two balls alone."""
+        return PairForces(self._placed(abreast(self.touch), self.approach), [self.single()] * 2, self.law())
+
     def worst(self) -> Additivity:
         """Return the arrangement with the largest deviation of the forces from the model."""
         return max(self.states.additivity, key=lambda found: found.coupled)
-
-
-def _abreast(distance: float) -> Places:
-    return ((-0.5 * distance, 0.0), (0.5 * distance, 0.0))
 
 
 def common_ball(problem: Problem) -> tuple[Ball, float]:

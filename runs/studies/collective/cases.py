@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from linear_bem.arrays import Array
-from linear_bem.problem import Ball, FiniteStrain, Layer, Load, Problem
 from runs.evolution.evolving import TABLES, Evolution, open_session
+from runs.evolution.forces import abreast
 from runs.evolution.pair_forces import PairForces
 from runs.evolution.providers import provider
 from runs.models import MODELS
@@ -19,6 +19,7 @@ from runs.process.files import read_csv, read_json, write_text
 from runs.scene.scene_file import read_scene
 from runs.session.session import Options
 from runs.studies.collective.lattice_waves import Wave, fastest
+from runs.studies.framework.pair import as_seen_by, pair
 
 POISSON, APPROACH = 0.48, 0.1
 """Poisson's ratio of the layer; approach over R."""
@@ -126,12 +127,11 @@ class PairLaw:
 @cache
 def pair_law(thickness: float, approach: float, *, finite: bool) -> PairLaw:
     """Return the pair law of two balls on a layer; T > 0 attracts."""
-    balls = (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0))
-    effect = FiniteStrain() if finite else None
-    problem = Problem(Layer(1.0, POISSON, thickness), balls, Load("approach", (approach,) * 2), finite_strain=effect)
-    forces = provider(MODELS[FINITE if finite else MODEL], problem, None, "pairs", TABLES).forces
+    model = FINITE if finite else MODEL
+    problem = as_seen_by(model, pair(approach, thickness, poisson=POISSON, substrate=None))
+    forces = provider(MODELS[model], problem, None, "pairs", TABLES).forces
     assert isinstance(forces, PairForces)
-    states = [forces(np.array([[-0.5 * d, 0.0], [0.5 * d, 0.0]])) for d in DISTANCES]
+    states = [forces(abreast(d)) for d in DISTANCES]
     ratio = np.array([s.tangential[0, 0] / s.normal[0] for s in states])
     largest = float(np.max(np.abs(ratio)))
     seen = np.abs(ratio) > 1e-3 * largest

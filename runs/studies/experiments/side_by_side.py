@@ -1,6 +1,5 @@
 """Small strain against finite strain: the forces on two balls, and the outcome of each run."""
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ import numpy as np
 from linear_bem.arrays import Array
 from runs.display.numbers import number
 from runs.evolution import equilibria
+from runs.evolution.forces import abreast
 from runs.evolution.pair_table import PairTable
 from runs.studies.experiments import cases
 from runs.studies.experiments.cases import CASES
@@ -57,8 +57,8 @@ def comparisons() -> list[Comparison]:
 
 def _compared(small: PairTable, finite: PairTable) -> Comparison:
     touch = small.touch
-    pairs = [_pair(table) for table in (small, finite)]
-    states = [[forces(_apart(place * touch)) for place in PLACES] for forces in pairs]
+    pairs = [table.of_two() for table in (small, finite)]
+    states = [[forces(abreast(place * touch)) for place in PLACES] for forces in pairs]
     pull = np.array([[state.tangential[0, 0] for state in model] for model in states])
     load = np.array([[state.normal[0] for state in model] for model in states])
     rows = {row["distance"]: row["tangential_force_error"] for row in finite.data["pairs"]}
@@ -69,19 +69,6 @@ def _compared(small: PairTable, finite: PairTable) -> Comparison:
         small.ball.radius, small.problem.layer.thickness, small.approach, pull[0] / load[0], pull[1] / load[1], error,
         pull[1] / pull[0], load[1] / load[0], rests,
     )  # fmt: skip
-
-
-def _apart(distance: float) -> Array:
-    return np.array([[-0.5 * distance, 0.0], [0.5 * distance, 0.0]])
-
-
-def _pair(table: PairTable) -> Any:
-    """Return the forces of two balls by a table, which serves any number of balls."""
-    balls = (table.problem.balls[0],) * 2
-    load = dataclasses.replace(table.problem.load, values=(table.approach,) * 2)
-    apart = [dataclasses.replace(ball, position=tuple(x)) for ball, x in zip(balls, _apart(table.touch), strict=True)]
-    table.problem = dataclasses.replace(table.problem, balls=tuple(apart), load=load)
-    return table.forces()
 
 
 def forces(found: Sequence[Comparison]) -> list[dict[str, str]]:
