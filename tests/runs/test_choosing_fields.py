@@ -14,25 +14,9 @@ from finite_strain.output.field_catalogue import CATALOGUE
 from runs.models import MODELS, Run
 from runs.scene.scene_file import InvalidScene, read_scene
 from tests.launch import thirdbody
+from tests.runs.scene_texts import PAIR, write
 
-SCENE = """
-[layer]
-thickness = "10 mm"
-young = "57.4 kPa"
-poisson = 0.48
-[balls]
-radius = "8 mm"
-positions = [["-8 mm", 0], ["8 mm", 0]]
-shape = "paraboloid"
-[load]
-approach = "0.1 mm"
-"""
-
-
-def written(folder: Path, text: str) -> Path:
-    path = folder / "scene.toml"
-    path.write_text(text, encoding="utf-8")
-    return path
+SCENE = PAIR.replace("1.5 mm", "0.1 mm").replace("[load]", 'shape = "paraboloid"\n[load]')
 
 
 @pytest.mark.parametrize(
@@ -46,7 +30,7 @@ def written(folder: Path, text: str) -> Path:
 def test_a_scene_chooses_fields_and_steps(
     table: str, names: tuple[str, ...], every: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scene = read_scene(written(tmp_path, f"{SCENE}[finite_strain]\n[output]\n{table}\n"))
+    scene = read_scene(write(tmp_path, f"{SCENE}[finite_strain]\n[output]\n{table}\n"))
     heard: dict[str, Any] = {}
     monkeypatch.setattr(finite_strain, "solve", lambda problem, **options: heard.update(options) or SimpleNamespace())
     MODELS["finite_strain"].solve(scene.problem, Run(output=scene.output))
@@ -56,7 +40,7 @@ def test_a_scene_chooses_fields_and_steps(
 def test_without_the_table_the_model_writes_what_it_does_by_default(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scene = read_scene(written(tmp_path, f"{SCENE}[finite_strain]\n"))
+    scene = read_scene(write(tmp_path, f"{SCENE}[finite_strain]\n"))
     assert scene.output is None
     heard: dict[str, Any] = {}
     monkeypatch.setattr(finite_strain, "solve", lambda problem, **options: heard.update(options) or SimpleNamespace())
@@ -67,7 +51,7 @@ def test_without_the_table_the_model_writes_what_it_does_by_default(
 
 def test_an_unknown_field_and_a_step_of_zero_are_named_at_once(tmp_path: Path) -> None:
     with pytest.raises(InvalidScene) as caught:
-        read_scene(written(tmp_path, f'{SCENE}[output]\nfields = ["gap", "mises"]\nevery = 0\n'))
+        read_scene(write(tmp_path, f'{SCENE}[output]\nfields = ["gap", "mises"]\nevery = 0\n'))
     unknown, every = caught.value.faults
     assert "[output] fields: unknown mises" in unknown
     assert "von_mises" in unknown
@@ -75,7 +59,7 @@ def test_an_unknown_field_and_a_step_of_zero_are_named_at_once(tmp_path: Path) -
 
 
 def test_the_linear_model_says_that_it_has_no_fields_to_write(tmp_path: Path) -> None:
-    scene = written(tmp_path, f'{SCENE}[output]\nfields = ["gap"]\n')
+    scene = write(tmp_path, f'{SCENE}[output]\nfields = ["gap"]\n')
     done = thirdbody("solve", scene, "--json", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert any("[output] left out" in note for note in json.loads(done.stdout)["solved"]["notes"])

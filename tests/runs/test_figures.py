@@ -195,15 +195,20 @@ def test_a_linear_solution_is_drawn_with_its_own_contacts_and_surface(
     assert np.interp([-1.5, 1.5], at, heights) == pytest.approx([-0.1, -0.1], abs=2e-3)
 
 
+def solve_two(out: Path, places: list[list[float]], more: str = "") -> None:
+    file = out.with_name("two.toml")
+    file.write_text(
+        "[layer]\nyoung = 1.0\npoisson = 0.3\nthickness = 2.0\n[balls]\nradius = 1.0\n"
+        f"positions = {places}\n[load]\napproach = 0.1\n{more}",
+        encoding="utf-8",
+    )
+    solve_scene(read_scene(file), None, Options(False, out, False))
+
+
 def test_a_picture_that_is_stopped_leaves_the_result_and_the_same_command_draws_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    file, out = tmp_path / "pair.toml", tmp_path / "out"
-    file.write_text(
-        "[layer]\nyoung = 1.0\npoisson = 0.3\nthickness = 2.0\n[balls]\nradius = 1.0\n"
-        "positions = [[-1.5, 0], [1.5, 0]]\n[load]\napproach = 0.1\n",
-        encoding="utf-8",
-    )
+    out, places = tmp_path / "out", [[-1.5, 0], [1.5, 0]]
 
     def stopped(*given: Any) -> None:
         raise KeyboardInterrupt
@@ -211,25 +216,19 @@ def test_a_picture_that_is_stopped_leaves_the_result_and_the_same_command_draws_
     with monkeypatch.context() as patch:
         patch.setattr(figures, "draw_contacts", stopped)
         with pytest.raises(KeyboardInterrupt):
-            solve_scene(read_scene(file), None, Options(False, out, False))
+            solve_two(out, places)
     assert json.loads((out / "result.json").read_text(encoding="utf-8"))["solved"]["converged"]
     assert not (out / "surface.png").exists()
-    solve_scene(read_scene(file), None, Options(False, out, False))
+    solve_two(out, places)
     assert (out / "surface.png").exists()
 
 
 def test_the_contacts_of_a_cell_are_drawn_where_the_balls_are_given(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    file, out = tmp_path / "cell.toml", tmp_path / "out"
-    file.write_text(
-        "[layer]\nyoung = 1.0\npoisson = 0.3\nthickness = 2.0\n[balls]\nradius = 1.0\npositions = [[0, 0], [7.5, 0]]\n"
-        "[load]\napproach = 0.1\n[periodic]\nlengths = [5, 4]\n",
-        encoding="utf-8",
-    )
     drawn: list[Any] = []
     monkeypatch.setattr(figures, "save_figure", lambda figure, *_: drawn.append(figure))
-    solve_scene(read_scene(file), None, Options(False, out, False))
+    solve_two(tmp_path / "out", [[0, 0], [7.5, 0]], "[periodic]\nlengths = [5, 4]\n")
     above, below, _ = drawn[0].axes
     middles = [np.mean(line.get_xydata()[1:], axis=0) for line in above.lines if len(line.get_xydata()) > 1]
     assert np.array(middles) == pytest.approx(np.array([[0.0, 0.0], [7.5, 0.0]]), abs=1e-3)
