@@ -42,8 +42,7 @@ class Moment:
 
     ``contacts``: numbers of the pairs in contact; ``pushes`` [N]: their contact forces. ``resting``: nothing moves any
     more. ``step`` [m]: length of the next step, ``spare`` [m]: how far beyond the first new contact it may go. With
-    both, a restart reproduces the uninterrupted path exactly. ``steps``: number of steps taken from the start; a path
-    saved by a version without this number counts from its restart.
+    both, a restart reproduces the uninterrupted path exactly. ``steps``: number of steps taken from the start.
     """
 
     sigma: float

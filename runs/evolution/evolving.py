@@ -34,7 +34,7 @@ from runs.session.output_folder import PATH
 from runs.session.progress import print_status
 from runs.session.session import Options, Session, conduct
 
-FORMAT = 2
+FORMAT = 3
 """Format version of saved paths: raised when those of an older version must not be resumed or shown as current."""
 SAVE_INTERVAL, SAVE_RATIO, PROGRESS_INTERVAL = 5.0, 10.0, 10.0
 """Interval [s] between saves of an unfinished path; least such interval over the duration of a save; interval [s]
@@ -174,8 +174,7 @@ class Evolution:
 
         Else its last step is left out, because the number of cycles cuts that step short.
         """
-        of_scene = earlier.get("scene", {}).get("reciprocation", {}).get("cycles", self.sliding.cycles)
-        cycles = earlier.get("cycles", of_scene)  # older versions saved the scene alone
+        cycles = earlier.get("cycles", self.sliding.cycles)
         return np.inf if cycles == self.sliding.cycles else AT_END * self.end * min(1.0, cycles / self.sliding.cycles)
 
     def _resume_message(self, record: Record, *, complete: bool) -> str:
@@ -220,7 +219,7 @@ class Evolution:
         """Compute the rest of the path of a member (0: the first), and call ``save`` at intervals."""
         if record.ended(self.end):
             return
-        steps_before = sum(m.get("steps", 0) for m in members.values())
+        steps_before = sum(m["steps"] for m in members.values())
         drift = Drift(source.forces, self.balls, self.balls.tolerance, self.sliding.rest)
         path = drift.path(record.continuation or start(self.balls, self._nominal, self.sliding, number), self.end)
         saved = reported = time.monotonic()
@@ -263,7 +262,7 @@ class Evolution:
             what = "what follows the path" if record.ended(self.end) else "the path"
             notes.append(f"unfinished: {what} is not complete; the same command continues it")
         versions = {"python": platform.python_version(), "numpy": np.__version__, "scipy": scipy.__version__}
-        steps = record.steps + sum(m.get("steps", 0) for m in members if m["seed"] != self.sliding.seed)
+        steps = record.steps + sum(m["steps"] for m in members if m["seed"] != self.sliding.seed)
         size, processes = self.problem.size, ranks.rank_and_size()[1]
         return {
             "scene": as_given(self.session.scene.data),

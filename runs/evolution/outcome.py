@@ -97,7 +97,7 @@ def rest(end: Moment) -> Document:
     return {"at_rest": end.resting, "holding": int(np.sum(holding)), "speed": end.speed, "force_over_load": left}
 
 
-def rest_sentence(found: Mapping[str, Any], contacts: int, cycles: float, rolling: float = 0.0) -> str:
+def rest_sentence(found: Mapping[str, Any], cycles: float, rolling: float = 0.0) -> str:
     """Return the sentence that says whether the balls rest; ``rolling`` is the rolling resistance over the load."""
     left = f"largest |T|/Q left: {found['force_over_load']:.2g}"
     if not found["at_rest"]:
@@ -105,7 +105,7 @@ def rest_sentence(found: Mapping[str, Any], contacts: int, cycles: float, rollin
             f"still moving after {cycles:.4g} cycles, to go on raise [reciprocation] cycles and run the same command "
             f"again; the fastest ball is driven by {found['speed']:.2g} of its load ({left})"
         )
-    holding = found.get("holding", contacts)  # runs of earlier versions do not say it
+    holding = found["holding"]
     holds = [count(holding, "contact")] if holding else []
     if rolling > 0.0:
         holds.append(f"the rolling resistance of {rolling:g} of the load")

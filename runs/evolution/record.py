@@ -65,8 +65,6 @@ class Record:
             return cls(moments, known, len(moments))
         if restart is None and len(moments) == len(document.get("path", [])):
             return cls(moments, None, len(moments))
-        while moments and np.isnan(moments[-1].step):  # saved by an older version
-            moments.pop()
         return cls(moments, moments[-1] if moments else None, len(moments), damage)
 
     def to_dict(self, balls: HardBalls, folder: Path) -> Document:
@@ -156,13 +154,12 @@ def drop_from(folder: Path, number: int) -> None:
 
 
 def read(folder: Path, number: int) -> Moment:
-    """Return a moment by `write`; those of older versions lack its next step and `steps`. Raises `OutputUnusable`."""
+    """Return a moment written by `write`; raises `OutputUnusable`."""
     file = folder / file_name(number)
     try:
         with open(file, "rb") as opened, np.load(opened) as data:  # numpy leaves a damaged file open
             state = State(data["tangential"], data["normal"], data["error"])
-            sigma, speed, resting, *later = data["scalars"].tolist()
-            step, spare, steps = later or (np.nan, np.nan, 0)
+            sigma, speed, resting, step, spare, steps = data["scalars"].tolist()
             return Moment(
                 sigma, data["positions"], state, data["contacts"], data["pushes"], speed, step, spare, bool(resting),
                 int(steps),
@@ -176,7 +173,7 @@ def _from_dict(data: Mapping[str, Any], balls: HardBalls) -> Moment:
     contacts = np.array([balls.number(i, j) for i, j in data["contacts"]], dtype=np.intp)
     return Moment(
         data["sigma"], np.array(data["positions"]), state, contacts, np.array(data["pushes"]), data["speed"],
-        data.get("step") or np.nan, data.get("spare", np.nan), data["resting"], data.get("steps", 0),
+        data["step"], data["spare"], data["resting"], data["steps"],
     )  # fmt: skip
 
 

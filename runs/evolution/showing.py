@@ -61,8 +61,7 @@ def show(balls: HardBalls, session: Session, document: Document) -> None:
 def sentences(scene: Scene, document: Document, balls: HardBalls, length: Unit) -> list[str]:
     """Return the outcome of the run, one sentence each, in the scene's unit of length."""
     sliding, problem, end, members = scene.sliding, scene.problem, document["path"][-1], document["ensemble"]
-    contacts = members[0]["contacts"]
-    rest = outcome.rest_sentence(document["rest"], contacts, end["cycle"], balls.rolling)
+    rest = outcome.rest_sentence(document["rest"], end["cycle"], balls.rolling)
     lines = [f"the first of {len(members)} members (seed {sliding.seed}): {rest}" if len(members) > 1 else rest]
     if len(members) == 1:
         lines.append(outcome.arrangement_sentence(members[0], problem.positions, balls.cell, length))

@@ -110,16 +110,12 @@ def test_unequal_balls_in_a_cell_get_a_remedy_that_works(tmp_path: Path) -> None
 
 
 def test_sentences_of_the_end() -> None:
-    rest = {"at_rest": True, "speed": 0.0, "force_over_load": 3.1e-3}
-    assert "no tangential force above [reciprocation] rest is left" in outcome.rest_sentence(rest, 0, 5.0)
-    touching = rest | {"holding": 0}  # the balls only touch
-    assert outcome.rest_sentence(touching, 1, 5.0) == outcome.rest_sentence(rest, 0, 5.0)
-    assert ": the rolling resistance of 0.004 of the load holds the" in outcome.rest_sentence(touching, 2, 5.0, 4e-3)
-    assert ": 1 contact holds the balls" in outcome.rest_sentence(rest | {"holding": 1}, 3, 5.0)  # two only touch
-    assert "the rolling resistance of 0.004 of the load holds the balls" in outcome.rest_sentence(rest, 0, 5.0, 4e-3)
-    assert "1 contact holds the balls" in outcome.rest_sentence(rest, 1, 5.0)
-    moving = {"at_rest": False, "speed": 5.9e-5, "force_over_load": 3.1e-3}
-    assert "the fastest ball is driven by 5.9e-05 of its load" in outcome.rest_sentence(moving, 0, 100.0)
+    rest = {"at_rest": True, "holding": 0, "speed": 0.0, "force_over_load": 3.1e-3}
+    assert "no tangential force above [reciprocation] rest is left" in outcome.rest_sentence(rest, 5.0)
+    assert ": the rolling resistance of 0.004 of the load holds the balls" in outcome.rest_sentence(rest, 5.0, 4e-3)
+    assert ": 1 contact holds the balls" in outcome.rest_sentence(rest | {"holding": 1}, 5.0)
+    moving = rest | {"at_rest": False, "speed": 5.9e-5}
+    assert "the fastest ball is driven by 5.9e-05 of its load" in outcome.rest_sentence(moving, 100.0)
     begin = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 4.0], [3.0, 4.0]])
     alone = {"contacts": 0, "groups": [1, 1, 1, 1], "positions": (2.0 * begin).tolist()}
     length = Unit("mm", 1e-3)

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from linear_bem.errors import OutputUnusable
 from runs.evolution import evolving, outcome, showing
 from runs.evolution.evolving import evolve_scene
 from runs.process import signals
@@ -138,15 +139,12 @@ def test_what_follows_a_saved_path_is_not_computed_again(
     assert document == evolved(tmp_path / "one", 30.0, THREE)
 
 
-def test_a_path_of_an_older_version_begins_again(tmp_path: Path, one_run: OneRun) -> None:
-    evolved(tmp_path / "old", 30.0, THREE)
-    file = tmp_path / "old" / "out" / "result.json"
-    old = json.loads(file.read_text(encoding="utf-8"))
-    del old["cycles"]
-    for moment in old["path"]:
-        del moment["step"], moment["spare"], moment["steps"]
-    file.write_text(json.dumps({**old, "continuation": None}), encoding="utf-8")
-    assert evolved(tmp_path / "old", 40.0, THREE) == document_in(one_run(40.0, THREE))
+def test_a_path_of_an_older_format_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(evolving, "FORMAT", evolving.FORMAT - 1)
+        evolved(tmp_path, 3.0, THREE)
+    with pytest.raises(OutputUnusable, match=rf"format is {evolving.FORMAT - 1} there and {evolving.FORMAT} here"):
+        evolved(tmp_path, 4.0, THREE)
 
 
 def test_a_moving_path_says_how_to_go_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,6 +19,7 @@ from runs.studies.collective import answer, boundary, cases
 from runs.studies.collective.cases import Case
 from runs.studies.framework.saved_cases import Found, StudyFolder
 
+FORCE = "largest_force_over_largest_load"
 SOLVED = ("converged", "iterations", "seconds")
 CASES = [Case(2.0, 0.3, 101, 1), Case(0.8, 0.3, 101, 1)]
 
@@ -108,7 +109,7 @@ def test_a_run_under_other_settings_is_neither_shown_nor_continued_and_fresh_rep
             used.append(session.scene.reciprocation.rest)
 
         def complete(self, *, pictures: bool) -> None:
-            row = dict.fromkeys(("cycle", "cluster_mean", "coordination", "nearest_distance_mean"), 1.0)
+            row = dict.fromkeys(("cycle", "cluster_mean", "coordination", "nearest_distance_mean", FORCE), 1.0)
             write_csv(self.folder.path / "structure.csv", [row | {"hexatic_local": 0.0}])
             self.folder.save({"rest": {"at_rest": False}, "solved": dict.fromkeys(SOLVED, 1.0)}, [])
 

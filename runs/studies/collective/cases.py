@@ -253,8 +253,7 @@ def read(case: Case, folder: Path) -> Finished | None:
         "hexatic_start": first["hexatic_local"],
         "hexatic_end": last["hexatic_local"],
         "nearest_distance": last["nearest_distance_mean"],
-        # its key in finished runs of earlier versions
-        "force_over_load": first.get("largest_force_over_largest_load", first.get("force_over_load")),
+        "force_over_load": first["largest_force_over_largest_load"],
         "steps": solved["iterations"] or None,
         "seconds": solved["seconds"],
     }
