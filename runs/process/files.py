@@ -45,12 +45,21 @@ def write_text(target: Path, text: str) -> None:
 
 
 def write_csv(target: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows of plain values, one column per key; a row may lack some keys."""
-    text = io.StringIO()
+    """Write rows of plain values, one column per key; a row may lack some keys.
+
+    A pair, value and error, has two columns: its key, and "error of" it.
+    """
+    rows, text = [_apart(row) for row in rows], io.StringIO()
     writer = csv.DictWriter(text, list(dict.fromkeys(key for row in rows for key in row)), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     write_text(target, text.getvalue())
+
+
+def _apart(row: Mapping[str, Any]) -> dict[str, Any]:
+    pairs = {key: value for key, value in row.items() if isinstance(value, tuple)}
+    values, errors = {k: v for k, (v, _) in pairs.items()}, {f"error of {k}": e for k, (_, e) in pairs.items()}
+    return {**row, **values, **errors}
 
 
 def read_csv(source: Path, cell: Callable[[str], Any] = str) -> list[dict[str, Any]]:

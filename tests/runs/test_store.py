@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from linear_bem.errors import OutputUnusable
-from runs.process.files import read_json, replacing, write_text
+from runs.process.files import read_json, replacing, write_csv, write_text
 from runs.process.json_values import plain, to_json
 from runs.reporting import read_folder
 from runs.session.output_folder import OutputFolder
@@ -33,6 +33,11 @@ def test_the_same_run_opens_its_folder_again(tmp_path: Path) -> None:
     assert again.complete
     assert (again.path / "steps.csv").read_text(encoding="utf-8") == "step,force_x,force_y\n0,1.0,2.0\n"
     again.close()
+
+
+def test_a_value_with_its_error_has_two_columns(tmp_path: Path) -> None:
+    write_csv(tmp_path / "rows.csv", [{"T": (1.0, 0.1), "step": 2}, {"T": None, "step": 3}])
+    assert (tmp_path / "rows.csv").read_text(encoding="utf-8") == "T,step,error of T\n1.0,2,0.1\n,3,\n"
 
 
 def test_another_run_is_refused_by_what_differs(tmp_path: Path) -> None:

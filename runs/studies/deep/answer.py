@@ -62,7 +62,8 @@ TALLEST = 5.0
 def present(found: Found, folder: Path) -> str:
     """Write deep.csv and the figure; return the tables of the finest discretisations as Markdown."""
     rows = {case.labels["scene"]: _rows(found, case) for case in found.cases if found.steps(case.name)}
-    write_csv(folder / "deep.csv", [_plain(row) for scene in rows.values() for row in scene])
+    kept = [{k: v for k, v in row.items() if k != "places"} for scene in rows.values() for row in scene]
+    write_csv(folder / "deep.csv", kept)
     with look():
         save_figure(_figure(rows), folder, "deep")
     return render(
@@ -138,15 +139,6 @@ def _balance(steps: Sequence[Mapping[str, Any]]) -> float:
         for s in steps
     ]
     return float(steps[-1]["record"]["strain_energy"]) / work(whole) - 1.0
-
-
-def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a row without pairs: value and error in columns of their own."""
-    pairs = {key: value for key, value in row.items() if isinstance(value, tuple)}
-    split = {
-        name: part for key, (value, error) in pairs.items() for name, part in ((key, value), (f"error of {key}", error))
-    }
-    return {key: value for key, value in {**row, **split}.items() if key != "places"}
 
 
 def _figure(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:

@@ -68,14 +68,9 @@ def page(folder: Path, quick: bool) -> str:
     laws = list(_laws(folder, answers))
     write_csv(folder / "peers.csv", rows)
     write_csv(folder / "laws.csv", laws)
-    errors = {"Q": "error of Q", "T": "error of T", "T, FElupe": "its change"}
-    shown = [
-        {key: (row[key], row[errors[key]]) if key in errors else row[key] for key in row if key not in errors.values()}
-        for row in laws
-    ]
     lines = markdown(rows)
     if laws:
-        lines += ["", f"## Every law, D = {LAW_DEPTH:g} R", "", *markdown(shown)]
+        lines += ["", f"## Every law, D = {LAW_DEPTH:g} R", "", *markdown(laws)]
     missing = [file for file, found in answers.items() if found is None]
     if missing:
         failed = [file.with_suffix(FAILED) for file in missing]
@@ -103,7 +98,7 @@ def _key(arguments: Sequence[str]) -> str:
 
 
 def _laws(folder: Path, answers: Mapping[Path, Mapping[str, Any] | None]) -> Iterator[dict[str, Any]]:
-    """Yield the answers of two codes for every law that both have solved."""
+    """Yield the answers of two codes, with their errors or last change, for every law that both have solved."""
     for law in LAW_BY_NAME:
         ours, third, fourth = (answers.get(_law_file(folder, law, *case)) for case in LAW_CASES)
         if not (ours and third and fourth):
@@ -111,8 +106,8 @@ def _laws(folder: Path, answers: Mapping[Path, Mapping[str, Any] | None]) -> Ite
         T, theirs = ours["tangential_force"], fourth["tangential_force"]
         error, change = ours["tangential_force_error"], abs(theirs - third["tangential_force"])
         yield {
-            "law": law, "Q": ours["normal_force"], "error of Q": ours["normal_force_error"],
-            "Q, FElupe": fourth["normal_force"], "T": T, "error of T": error, "T, FElupe": theirs, "its change": change,
+            "law": law, "Q": (ours["normal_force"], ours["normal_force_error"]), "Q, FElupe": fourth["normal_force"],
+            "T": (T, error), "T, FElupe": (theirs, change),
             "difference of Q": abs(ours["normal_force"] / fourth["normal_force"] - 1),
             "difference of T": abs(T / theirs - 1), "deviation": abs(T - theirs) / math.hypot(error, change),
         }  # fmt: skip

@@ -17,8 +17,7 @@ from runs.studies.stability.matrix import cases
 def present(found: Found, folder: Path) -> str:
     """Write stability.csv and return the table and the counts as Markdown."""
     rows = [_row(found, case) for case in found.cases]
-    pairs = ({"T": row["T"][0], "error of T": row["T"][1]} if row["T"] else {} for row in rows)
-    write_csv(folder / "stability.csv", [row | pair for row, pair in zip(rows, pairs, strict=True)])
+    write_csv(folder / "stability.csv", rows)
     return render(
         __file__, rows=rows, counts=Counter(row["ended"] for row in rows),
         numbers=[key for key in rows[0] if key not in ("why", "words")],
