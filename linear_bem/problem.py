@@ -161,7 +161,7 @@ class Problem:
         places = wrapped(positions, self.cell)
         return self if np.array_equal(places, positions) else self.at(places)
 
-    def at(self, positions: Array) -> Problem:
+    def at(self, positions: Array | Sequence[Sequence[float]]) -> Problem:
         """Return the same bodies under the same load with their axes at ``positions``, shape (balls, 2) [m]."""
         placed = zip(self.balls, positions, strict=True)
         return replace(self, balls=tuple(replace(ball, position=(float(x), float(y))) for ball, (x, y) in placed))

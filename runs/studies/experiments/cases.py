@@ -52,7 +52,7 @@ class Case:
         if self.direct:
             changed |= {"forces": "direct", "ensemble": 1, "tolerance": DIRECT_TOLERANCE}
         sliding = sliding.model_copy(update=changed)
-        problem = scene.problem if self.positions is None else scene.problem.at(np.array(self.positions))
+        problem = scene.problem if self.positions is None else scene.problem.at(self.positions)
         if self.poisson is not None:
             problem = dataclasses.replace(problem, layer=dataclasses.replace(problem.layer, poisson=self.poisson))
         drift: dict[str, Any] = {"reciprocation": sliding}

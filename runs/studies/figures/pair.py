@@ -57,11 +57,9 @@ class Pair:
             substrate = Elastic(layer.young / self.ratio, substrate.poisson)
         if self.half_space:
             layer, substrate = replace(layer, thickness=np.inf), None
-        left, right = base.balls
+        changed = replace(base, layer=layer, substrate=substrate)
         if self.distance is not None:
-            left = replace(left, position=(-0.5 * self.distance, 0.0))
-            right = replace(right, position=(0.5 * self.distance, 0.0))
-        changed = replace(base, layer=layer, substrate=substrate, balls=(left, right))
+            changed = changed.at([(-0.5 * self.distance, 0.0), (0.5 * self.distance, 0.0)])
         return changed if self.approach is None else changed.with_load("approach", (self.approach,) * 2)
 
     def attraction(self, accuracy: float) -> float:
