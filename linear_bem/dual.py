@@ -80,7 +80,9 @@ def _faults_of(body: Indenter) -> list[str]:
             rule = "must rise from the axis, ever steeper (convex), up to half the radius"
             worst = np.unravel_index(np.argmin(bends), bends.shape)
             return [f"balls.shape: {name} {rule}, got another slope {abs(rays[worst[0], worst[1] + 1]):.3g} m away"]
-    around = body.apex_radius * np.outer((0.01, 0.1), np.exp(2j * np.pi * np.arange(16) / 16.0)).ravel()
+    around = (
+        min(body.apex_radius, body.reach) * np.outer((0.01, 0.1), np.exp(2j * np.pi * np.arange(16) / 16.0)).ravel()
+    )
     lowest = float(np.min(body.height(around.real, around.imag)))
     if lowest < -APEX * body.apex_radius:
         rule = "must have its lowest point at the axis, from which approaches are measured"

@@ -252,6 +252,7 @@ def facing(slope: Any, gradient: Any) -> Any:
     return positive(-ufl.dot(slope, ufl.cross(F[:, 0], F[:, 1])) / ufl.dot(slope, slope))
 
 
+@np.errstate(all="ignore")  # a body may have no height beyond its reach
 def gap(
     shape: str | Indenter, radius: Any, offset: Any, displacement: Any, approach: Any, finite: bool, angle: float = 0.0
 ) -> Any:

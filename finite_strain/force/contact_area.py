@@ -19,7 +19,6 @@ POINTS, STRIDE = 1597, 987
 where the edge is parallel to a side of the facet, as along the lines of the meshes, it passes one point at a time."""
 
 
-@np.errstate(invalid="ignore")  # nan where a body has no height, beyond its reach
 def contact_areas(model: Model) -> np.ndarray:
     """Return the area (balls,) [m^2] of whole balls, on the deformed surface at finite strain (collective).
 

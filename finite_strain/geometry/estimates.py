@@ -56,7 +56,7 @@ def section_edge(indenter: Indenter, depth: float, way: complex, known: float = 
     """Return how far [m] a body's section by a plane at a ``depth`` [m] extends from the axis.
 
     ``way`` is the direction x + iy, a complex number of length one. A section is cut off at ``known`` [m], where it is
-    known to end; raises `InvalidProblem` if another one has no end.
+    known to end, and where a body with an edge has no height; raises `InvalidProblem` if another one has no end.
     """
 
     def above(r: float) -> float:
@@ -70,7 +70,7 @@ def section_edge(indenter: Indenter, depth: float, way: complex, known: float = 
         return float(height) - depth
 
     end = min(known, _end(indenter, depth))
-    rise, outward = above(end), end * _OUTWARD
+    rise, outward = above(end) if end < indenter.reach else math.nan, end * _OUTWARD
     with np.errstate(all="ignore"):
         heights = np.broadcast_to(indenter.height(outward * way.real, outward * way.imag), outward.shape)
     beyond = np.flatnonzero(heights > depth)
@@ -83,7 +83,7 @@ def section_edge(indenter: Indenter, depth: float, way: complex, known: float = 
             f"axis, got {rise + depth:.3g} m at (x, y) = ({end * way.real:.3g}, {end * way.imag:.3g}) m; give a "
             "long body ends that rise, or the property reach"
         )
-    return end
+    return float(outward[~np.isnan(heights)][-1])
 
 
 def _heights_around(indenter: Indenter, r: float) -> np.ndarray:

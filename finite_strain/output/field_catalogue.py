@@ -9,6 +9,7 @@ import numpy as np
 from finite_strain.geometry.estimates import body_of, section_edge
 from finite_strain.geometry.symmetry import ModelBall
 from linear_bem.errors import InvalidProblem
+from linear_bem.indenter import TINY
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,8 @@ CATALOGUE = {
     "gap": Field(
         "m", "Scalar",
         "distance of the displaced node from the nearest ball: along the normal for a sphere, vertical for a "
-        "paraboloid and at small strain; on the top the contact gap, negative where the node penetrates",
+        "paraboloid and at small strain; on the top the contact gap, negative where the node penetrates; "
+        "infinite where no body has a height",
     ),
 }  # fmt: skip
 """Every field by its name."""
@@ -80,14 +82,16 @@ def choice_faults(names: Sequence[str], every: int) -> list[str]:
 def outline(ball: ModelBall) -> np.ndarray:
     """Return points (directions, radii, 3) [m] of a body from its apex, in the scene's axes; nan for a named shape.
 
-    A body without an edge ends at the height of the lowest point at its reach.
+    A body without an edge ends at the height of the lowest point at its reach; at an edge it may have no height.
     """
     angles = np.linspace(0.0, 2.0 * np.pi, 97)[:, None] + np.pi / 96.0  # none along x: a picture is cut there
     shares = np.sin(0.5 * np.pi * np.linspace(0.0, 1.0, 41))
     if isinstance(ball.shape, str):
         return np.full((len(angles), len(shares), 3), np.nan)
     body, ways = body_of(ball), np.exp(1j * angles)
-    level = float(np.min(body.height(ball.reach * ways.real, ball.reach * ways.imag)))
+    reach = (1.0 - TINY) * ball.reach
+    level = float(np.min(body.height(reach * ways.real, reach * ways.imag)))
     edge = [[body.half_width(way.real, way.imag) or section_edge(body, level, way, ball.reach)] for way in ways[:, 0]]
-    x, y = edge * shares * ways.real, edge * shares * ways.imag
+    points = (1.0 - TINY) * np.array(edge) * shares * ways
+    x, y = points.real, points.imag
     return np.stack([x, y, np.broadcast_to(body.height(x, y), x.shape)], axis=2)

@@ -139,7 +139,8 @@ class FieldWriter:
             offset = above - [*ball.position, 0.0]
             arguments = ball.shape, ball.radius, offset.T, moved.T, approach
             gaps.append(gap(*arguments, model.is_finite, model.contact.angle))
-        return {"gap": np.min(gaps, axis=0)}
+        least = np.fmin.reduce(gaps)  # nan where a body has no height, beyond its reach
+        return {"gap": np.where(np.isnan(least), np.inf, least)}
 
     def _strain_fields(self) -> dict[str, np.ndarray]:
         if not _STRAINS.intersection(self.choice.names):

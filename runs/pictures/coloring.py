@@ -37,7 +37,8 @@ class Coloring:
 
     def limits(self, values: Array) -> tuple[float, float]:
         """Return the lower and upper colour limit for these values; they are never equal."""
-        low, high = float(np.min(values)), float(np.max(values))
+        numbers = values[np.isfinite(values)]  # a gap is infinite where no body has a height
+        low, high = float(np.min(numbers)), float(np.max(numbers))
         if self.centre is not None:
             reach = max(high - self.centre, self.centre - low)
             low, high = self.centre - reach, self.centre + reach

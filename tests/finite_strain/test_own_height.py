@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
+import h5py
 import ufl
 from dolfinx.mesh import create_unit_square
 from mpi4py import MPI
@@ -19,11 +20,15 @@ from finite_strain.contact.contact_energy import gap
 from finite_strain.contact.symbolic import FUNCTIONS, Symbolic
 from finite_strain.force.contact_area import contact_areas
 from finite_strain.force.contact_pressure import Extremes
+from finite_strain.geometry.estimates import radius_seen
 from finite_strain.observer import Silence
+from finite_strain.output.field_catalogue import FieldChoice
+from finite_strain.output.field_writer import FieldWriter
 from finite_strain.refinement_loop import Refinement
 from linear_bem import InvalidProblem, UnsupportedProblem, solve
 from linear_bem.dual import SLOPES, Dual
-from linear_bem.indenter import Indenter
+from linear_bem.indenter import Ellipsoid, Indenter
+from runs.pictures.coloring import COLORINGS
 from tests.finite_strain.scenes import COARSER, at_small_strain, coarse_plan, coarse_rig, pair, single
 
 
@@ -199,3 +204,43 @@ def test_beyond_its_reach_a_body_may_have_no_height(tmp_path: Path) -> None:
     # the penalty times the volume of the cap; discretisation: the facet rule across the kink
     assert model.forces()[0, 2] == pytest.approx(np.pi * 0.4**2 * (1.0 - 0.4 / 3.0), rel=0.03)
     assert np.isfinite([*model.readings.mean_gaps(), *Extremes(model)().ravel()]).all()
+
+
+class OvalDome(Dome):
+    """An ellipsoid whose `reach` is its longer semi-axis; it has no height beyond the shorter one."""
+
+    def height(self, x: Any, y: Any) -> Any:
+        return super().height(x, y / 0.8)
+
+
+class BluntDome(Dome):
+    """A sphere of which a small part about the apex is left."""
+
+    reach = 0.09
+
+    def height(self, x: Any, y: Any) -> Any:
+        return super().height(x, y) + 0.0 * (0.09**2 * (1.0 + 1e-9) - x**2 - y**2) ** 0.5
+
+
+def test_a_body_with_an_edge_may_have_no_height_beside_its_shorter_axis() -> None:
+    for approach, tolerance in ((0.1, 1e-9), (0.9, 0.06)):  # or the last point in the search that has a height
+        seen = radius_seen(Ellipsoid((1.0, 0.8, 1.0)), approach)
+        assert radius_seen(OvalDome(), approach) == pytest.approx(seen, rel=tolerance)
+
+
+def test_the_written_gap_is_infinite_where_no_body_has_a_height(tmp_path: Path) -> None:
+    """Warnings are errors in tests: neither the gap nor the outline may raise one."""
+    rig = coarse_rig(coarse_plan(pair(0.1, poisson=0.3, shape=Dome())), tmp_path)
+    FieldWriter(rig.model, tmp_path, FieldChoice(("gap",))).write(1, 1.0)
+    with h5py.File(tmp_path / "step_0001.h5") as file:
+        gaps, outlines = file["node_fields/gap"][:], file["ball_outlines"][:]
+        x, y, _ = np.abs(file["points"][:]).T
+    nearest, finite = np.hypot(x - 1.0, y), np.isfinite(gaps)
+    assert finite[nearest < 1.0 - 1e-9].all()
+    assert np.all(gaps[nearest > 1.0 + 1e-9] == np.inf)
+    assert outlines[..., 2].max() == pytest.approx(1.0, abs=1e-4)  # slope at the edge
+    assert COLORINGS["gap"].limits(gaps) == (gaps.min(), gaps[finite].max())
+
+
+def test_a_body_that_ends_near_its_apex_is_looked_at_within_its_edge() -> None:
+    assert single(0.001, shape=BluntDome()).size == 1
