@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from finite_strain.planning.records import Discretisation, Record
 from linear_bem.counts import grouped
 from linear_bem.errors import InvalidProblem
@@ -43,6 +45,9 @@ class Budget:
         wrong = {name: value for name, value in vars(self).items() if value is not None and not value > 0.0}
         if wrong:
             raise InvalidProblem(*(f"accuracy.{name}: must be greater than 0, got {wrong[name]:g}" for name in wrong))
+        for name, value in vars(self).items():
+            if isinstance(value, np.generic):  # which cannot be written as JSON
+                object.__setattr__(self, name, value.item())
 
     @property
     def most_unknowns(self) -> float:

@@ -228,7 +228,7 @@ def plan_run(
         _check_apart(problem, expected)
     reduction, given = (reduce_scene(problem), None) if fit is None else fit(problem, expected)
     plan = RunPlan(
-        problem, reduction, goals, accuracy, budget or Budget(), numerics, tuple(expected),
+        problem, reduction, goals, float(accuracy), budget or Budget(), numerics, tuple(expected),
         choose_extent(problem, expected, accuracy), given,
     )  # fmt: skip
     least, most = plan.unknowns(FIRST), plan.budget.unknowns or MOST_AT_FIRST
@@ -236,6 +236,11 @@ def plan_run(
         said = f"the coarsest mesh with an error estimate has about {grouped(float(f'{least:.2g}'))} unknowns"
         if plan.budget.unknowns:
             raise UnsupportedProblem(f"accuracy.unknowns: {said}, got {grouped(most)}; raise it")
+        if replace(plan, goals=goals[-1:]).unknowns(FIRST) <= most:
+            small = f"with contacts as small as at {goals[0]:.3g} of the load"
+            raise UnsupportedProblem(
+                f"load.steps: {said}, more than {grouped(most)}, {small}; begin with a larger step"
+            )
         ratio = problem.layer.thickness / max(ball.radius for ball in problem.balls)
         raise UnsupportedProblem(
             f"layer.thickness, balls.positions: {said}, more than {grouped(most)}, with a layer of {ratio:.3g} R and "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,9 @@ import pytest
 
 import finite_strain
 from finite_strain import Numerics
-from linear_bem import Ball, FiniteStrain, InvalidProblem, Layer, Load, Problem
+from finite_strain.planning.refinement import Budget
+from finite_strain.planning.run_plan import plan_run
+from linear_bem import Ball, FiniteStrain, InvalidProblem, Layer, Load, Problem, UnsupportedProblem
 
 PROBLEM = Problem(Layer(1.0, 0.3, 1.0), (Ball((0.0, 0.0), 1.0),), Load("force", (0.1,)), finite_strain=FiniteStrain())
 
@@ -44,6 +47,20 @@ def test_an_argument_of_another_type_is_refused_by_name(given: dict[str, Any], w
 def test_load_steps_may_be_an_array() -> None:
     given = finite_strain.plan(PROBLEM, 0.1, steps=np.array([0.5, 1.0]))
     assert given == finite_strain.plan(PROBLEM, 0.1, steps=(0.5, 1.0))
+
+
+def test_numbers_of_numpy_are_written_as_json() -> None:
+    given = {"accuracy": np.float32(0.125), "seconds": np.float32(60.0), "unknowns": np.int64(30000)}
+    plan = plan_run(PROBLEM, given["accuracy"], "finite_strain", Budget(given["seconds"], given["unknowns"]))
+    written = json.dumps(
+        [plan.accuracy, plan.budget.seconds, plan.budget.unknowns, finite_strain.plan(PROBLEM, **given)]
+    )
+    assert json.loads(written)[:3] == [0.125, 60.0, 30000]
+
+
+def test_a_first_step_with_a_tiny_contact_is_named_where_it_makes_the_mesh_too_large() -> None:
+    with pytest.raises(UnsupportedProblem, match=r"load\.steps: .* as at 1e-12 of the load; begin with a larger step"):
+        finite_strain.plan(PROBLEM.with_load("approach", (0.1,)), steps=(1e-12, 1.0))
 
 
 @pytest.mark.parametrize(
