@@ -13,6 +13,7 @@ import dolfinx
 import numpy as np
 import ufl
 from mpi4py import MPI
+from scipy.spatial import cKDTree
 
 from finite_strain import compat
 from finite_strain.discretisation.regions import constant
@@ -88,7 +89,9 @@ class OwnMesh:
         faults += self._faults_of_faces({"top": 0.0, "bottom": bottom}, near)
         if faults:
             raise InvalidProblem(*faults)
-        room = self._room(self._tag_sides(sides, near), reduction)
+        free = self._tag_sides(sides, near)
+        self._check_glued(free, near)
+        room = self._room(free, reduction)
         self._check_solid(thickness)
         radii = [expected[ball.index].contact_radius for ball in reduction.balls]
         self._check_balls(reduction, radii, sides, room, near)
@@ -183,6 +186,18 @@ class OwnMesh:
         places = space.tabulate_dof_coordinates()[nodes, :2]
         least = [np.linalg.norm(places - ball.position, axis=1).min(initial=np.inf) for ball in reduction.balls]
         return tuple(self.comm.allreduce(float(distance), op=MPI.MIN) for distance in least)
+
+    def _check_glued(self, free: np.ndarray, near: float) -> None:
+        """Raise `InvalidProblem` if two free facets are at one place: blocks of cells that only touch each other."""
+        middles = dolfinx.mesh.compute_midpoints(self.mesh, 2, free.astype(np.int32)).reshape(-1, 3)
+        places = np.concatenate(self.comm.allgather(middles))
+        twins = cKDTree(places).query_pairs(near, output_type="ndarray") if len(places) else []
+        if len(twins):
+            x, y, z = places[twins[0, 0]]
+            raise InvalidProblem(
+                f"{self.name}: cells that meet must share their nodes, {len(twins)} pairs of facets do not, the first "
+                f"at ({x:.6g}, {y:.6g}, {z:.6g}) m; join the volumes, in gmsh by occ.fragment, before meshing"
+            )
 
     def _check_solid(self, thickness: float) -> None:
         cells = ufl.Measure("dx", domain=self.mesh, subdomain_data=self.cell_tags)(TAGS["layer"])

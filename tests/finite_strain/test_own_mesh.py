@@ -168,6 +168,16 @@ def hollow() -> tuple[Any, Any, Any]:
     return tagged(dolfinx.mesh.create_submesh(mesh, 3, kept)[0], {"top": 0.0, "bottom": -1.16})
 
 
+def cracked() -> tuple[Any, Any, Any]:
+    """Return two blocks that touch each other at x = 2.3, each with its own nodes there."""
+    mesh, _, _ = block(x=(*X[:9], 2.4, 3.4))
+    middles = dolfinx.mesh.compute_midpoints(mesh, 3, np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32))
+    kept = np.flatnonzero(np.abs(middles[:, 0] - 2.35) > 1e-6).astype(np.int32)
+    parts = dolfinx.mesh.create_submesh(mesh, 3, kept)[0]
+    parts.geometry.x[np.isclose(parts.geometry.x[:, 0], 2.4), 0] = 2.3
+    return tagged(parts, {"top": 0.0, "bottom": -1.16})
+
+
 def including() -> tuple[Any, Any, Any]:
     mesh, cells, facets = block()
     values = np.where(cells.indices == 5, 7, TAGS["layer"]).astype(np.int32)
@@ -199,6 +209,10 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "a hole": (
         hollow,
         r"a slab with vertical sides, without cavities, got 10\.\d+ m\^3 under a top of 8\.84 m\^2; fill",
+    ),
+    "parts": (
+        cracked,
+        r"must share their nodes, 15 pairs of facets do not, the first at \(2\.3, .* m; join the volumes, in gmsh",
     ),
     "an inclusion": (
         including,
