@@ -11,6 +11,9 @@ import numpy as np
 from linear_bem.errors import InvalidProblem
 from meshes.box import TAGS
 
+CELLS = (4, 5, 11, 12, 29)
+"""gmsh's numbers of the cells that DOLFINx reads: tetrahedra of orders 1, 2 and 3, hexahedra of orders 1 and 2."""
+
 
 def number_groups(file: Path) -> None:
     """Renumber the physical groups of gmsh's model whose names are in `TAGS` accordingly.
@@ -44,6 +47,15 @@ def _require_cells(file: Path, groups: Sequence[tuple[int, int, str, list[int]]]
     of_cells = np.concatenate([found for (dim, _), found in nodes.items() if dim == 3])
     if not len(of_cells):
         raise InvalidProblem(f"mesh: {file}: its volumes have no cells; mesh them by gmsh.model.mesh.generate(3)")
+    parts = chain(*(parts for dim, _, _, parts in groups if dim == 3))
+    kinds = sorted({kind for part in parts for kind in gmsh.model.mesh.getElementTypes(3, part)})
+    if len(kinds) > 1 or kinds[0] not in CELLS:
+        names = " and ".join(gmsh.model.mesh.getElementProperties(kind)[0] for kind in kinds)
+        raise InvalidProblem(
+            f"mesh: {file}: cells must be either hexahedra of 8 or 27 nodes or tetrahedra of 4 or 10, got {names}; for "
+            "hexahedra alone recombine all faces to quadrilaterals before extruding them, of order 1 or of order 2 "
+            "with Mesh.SecondOrderIncomplete = 0"
+        )
     for dim, tag, name, _ in groups:
         if dim == 2 and not np.isin(nodes[dim, tag], of_cells).all():
             raise InvalidProblem(

@@ -292,6 +292,37 @@ def test_what_is_wrong_in_a_mesh_file_is_said_with_its_name(groups: Any, words: 
         compat.read_mesh(file, COMM)
 
 
+@pytest.mark.parametrize(
+    ("options", "cells"),
+    [
+        ({"Mesh.RecombineAll": 0}, "Prism 6"),
+        ({"Mesh.RecombineAll": 1, "Mesh.ElementOrder": 3}, "Hexahedron 64"),
+        ({"Mesh.RecombineAll": 1, "Mesh.ElementOrder": 2, "Mesh.SecondOrderIncomplete": 1}, "Hexahedron 20"),
+        (None, "Hexahedron 8 and Prism 6"),
+    ],
+)
+def test_cells_that_dolfinx_cannot_read_are_named(options: dict[str, int] | None, cells: str, tmp_path: Path) -> None:
+    path = tmp_path / "own.msh"
+    with gmsh_session():
+        occ, model = gmsh.model.occ, gmsh.model
+        faces = [(2, occ.addRectangle(x, 0.0, 0.0, 1.0, 1.0)) for x in (0.0, 1.0)]
+        faces = occ.fragment(faces[:1], faces[1:])[0]
+        occ.extrude(faces, 0.0, 0.0, -1.0, [1], [1.0], recombine=True)
+        occ.synchronize()
+        model.addPhysicalGroup(3, [tag for _, tag in model.getEntities(3)], TAGS["layer"])
+        model.addPhysicalGroup(2, [tag for _, tag in faces], TAGS["top"])
+        if options is None:
+            model.mesh.setRecombine(2, faces[0][1])
+        for name, value in (options or {}).items():
+            gmsh.option.setNumber(name, value)
+        model.mesh.generate(3)
+        gmsh.write(str(path))
+    with pytest.raises(
+        InvalidProblem, match=rf"mesh: .*own\.msh: cells must be .* got {cells}; .* recombine"
+    ):
+        OwnMesh(path, COMM)
+
+
 def test_cells_curved_by_more_than_order_2_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "own.msh"
     with gmsh_session():
