@@ -51,7 +51,7 @@ class Indenter:
     """
 
     ratios: ClassVar[tuple[str, ...]] = ()
-    """Fields that are no lengths: a similar body of another size has the same."""
+    """Fields that are no lengths, such as angles: any finite number. Other fields are lengths, greater than 0."""
 
     def __init_subclass__(cls) -> None:
         # a dataclass would use the property as the default of a field with this name, and fail to set it
@@ -65,9 +65,13 @@ class Indenter:
             raise InvalidProblem(*faults)
 
     def _faults_of(self, key: str, value: Any) -> list[str]:
+        if key in self.ratios:
+            is_finite = is_number(value) and math.isfinite(value)
+            return [] if is_finite else [f"balls.{key}: must be a finite number, got {value!r}"]
         if _positive_and_finite(value):
             return range_faults({f"balls.{key}": value}, "m")
-        return [f"balls.{key}: must be greater than 0 and finite, got {value} m"]
+        remedy = "" if type(self).__module__ == __name__ else "; name a field that is no length in `ratios`"
+        return [f"balls.{key}: must be greater than 0 and finite, got {value} m{remedy}"]
 
     @property
     def apex_radius(self) -> float:

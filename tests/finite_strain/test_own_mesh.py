@@ -317,9 +317,7 @@ def test_cells_that_dolfinx_cannot_read_are_named(options: dict[str, int] | None
             gmsh.option.setNumber(name, value)
         model.mesh.generate(3)
         gmsh.write(str(path))
-    with pytest.raises(
-        InvalidProblem, match=rf"mesh: .*own\.msh: cells must be .* got {cells}; .* recombine"
-    ):
+    with pytest.raises(InvalidProblem, match=rf"mesh: .*own\.msh: cells must be .* got {cells}; .* recombine"):
         OwnMesh(path, COMM)
 
 

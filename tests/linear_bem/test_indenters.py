@@ -1,6 +1,7 @@
 """Indenters against Sneddon's integrals, Hertz's ellipse, and their own derivatives and gaps."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from linear_bem import (
     ContactSequence,
     Elastic,
     Ellipsoid,
+    Indenter,
     InvalidProblem,
     Layer,
     Load,
@@ -286,3 +288,30 @@ def test_a_pointed_own_profile_is_said_to_have_no_peak_pressure() -> None:
     ):
         problem = Problem(HALF_SPACE, (Ball((0.0, 0.0), 1.0, profile),), Load("approach", (0.1,)))
         assert any("peak pressure has no limit" in note for note in solve(problem, 1e-2).solved.notes) == is_pointed
+
+
+@dataclass(frozen=True)
+class Trough(Indenter):
+    """A body with two curvatures, turned about its axis."""
+
+    across: float
+    turn: float
+    ratios = ("turn",)
+    apex_radius = 1.0
+
+    def height(self, x, y):
+        c, s = math.cos(self.turn), math.sin(self.turn)
+        return (c * x + s * y) ** 2 / (2.0 * self.across) + (c * y - s * x) ** 2 / 2.0
+
+
+def test_fields_of_an_own_body_that_are_no_lengths_may_be_any_finite_numbers():
+    load = Load("approach", (0.02,))
+    ahead, back, level = (single(Trough(0.5, turn), load).normal_force for turn in (0.4, -0.4, 0))
+    assert ahead == pytest.approx(level, rel=1e-4)
+    assert back == pytest.approx(ahead, rel=1e-9)
+    with pytest.raises(InvalidProblem, match=r"^balls\.turn: must be a finite number, got nan$"):
+        Trough(0.5, math.nan)
+    with pytest.raises(
+        InvalidProblem, match=r"^balls\.across: must be greater .* got -0\.5 m; name a field that is no l"
+    ):
+        Trough(-0.5, 0.4)
