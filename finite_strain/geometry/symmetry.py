@@ -155,8 +155,9 @@ def _is_even(body: Indenter, reach: float, axis: int, angle: float) -> bool:
     spiral = reach * ((_SAMPLES + 0.5) / len(_SAMPLES)) ** 2 * np.exp(1j * _GOLDEN * _SAMPLES)
     image = spiral.conj() if axis == 1 else -spiral.conj()
     points = (where * cmath.rect(1.0, angle) for where in (spiral, image))
-    here, there = (np.asarray(body.height(point.real, point.imag)) for point in points)
-    return bool(np.allclose(here, there, rtol=1e-9, atol=1e-12 * reach))
+    with np.errstate(all="ignore"):  # nan where a body has no height
+        here, there = (np.asarray(body.height(point.real, point.imag)) for point in points)
+    return bool(np.allclose(here, there, rtol=1e-9, atol=1e-12 * reach, equal_nan=True))
 
 
 def _cut(

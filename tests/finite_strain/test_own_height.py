@@ -226,6 +226,7 @@ def test_a_body_with_an_edge_may_have_no_height_beside_its_shorter_axis() -> Non
     for approach, tolerance in ((0.1, 1e-9), (0.9, 0.06)):  # or the last point in the search that has a height
         seen = radius_seen(Ellipsoid((1.0, 0.8, 1.0)), approach)
         assert radius_seen(OvalDome(), approach) == pytest.approx(seen, rel=tolerance)
+    assert coarse_plan(pair(0.1, shape=OvalDome())).reduction.planes == (0, 1)
 
 
 def test_the_written_gap_is_infinite_where_no_body_has_a_height(tmp_path: Path) -> None:
