@@ -19,6 +19,8 @@ POINTED = 1e-3
 """Slope at a distance of 1e-9 radii from the axis that only a pointed tip or a tilt exceeds."""
 SAGGING = 1e-6
 """Second difference along a ray, over the largest one, that counts as roundoff in a convex height."""
+GAP = 1e-2
+"""Largest error of a user's gap next to the apex, over the height there and over the distance below it."""
 FUNCTIONS = "np.sqrt, exp, log, sin, cos, tan, sinh, cosh, tanh, maximum, minimum"
 """numpy functions in `SLOPES`, for messages; np.where is excluded, as no error estimate would notice its jumps."""
 
@@ -87,6 +89,23 @@ def _faults_of(body: Indenter) -> list[str]:
     if lowest < -APEX * body.apex_radius:
         rule = "must have its lowest point at the axis, from which approaches are measured"
         return [f"balls.shape: {name} {rule}, got {lowest:g} m near it; change its sign, or move the axis"]
+    return _faults_of_gap(body) if type(body).gap.__module__ != Indenter.__module__ else []
+
+
+def _faults_of_gap(body: Indenter) -> list[str]:
+    """Return a message if a user's gap is not that of the height, which the small-strain models use."""
+    near = 0.01 * min(body.apex_radius, body.reach)
+    ring = near * np.exp(2j * np.pi * np.arange(16) / 16.0)
+    heights = np.broadcast_to(body.height(ring.real, ring.imag), ring.shape)
+    off = np.broadcast_to(body.gap(ring.real, ring.imag, heights), ring.shape)
+    below = float(np.ravel(body.gap(np.zeros(1), np.zeros(1), np.full(1, -near)))[0])
+    rule, remedy = f"balls.shape: {type(body).__name__}.gap must be", "return height(x, y) - z, or leave gap out"
+    if not np.abs(off).max() <= GAP * (heights.max() + GAP**2 * near):  # heights may be 0
+        worst = np.nanargmax(np.abs(off)) if np.isfinite(off).any() else 0
+        place = f"at (x, y) = ({ring[worst].real:.3g}, {ring[worst].imag:.3g}) m"
+        return [f"{rule} 0 on the surface z = height(x, y), got {off[worst]:.3g} m {place}; {remedy}"]
+    if not abs(below - near) <= GAP * near:
+        return [f"{rule} the distance from the apex, positive below, got {below:.3g} m at {near:.3g} m below; {remedy}"]
     return []
 
 

@@ -226,12 +226,20 @@ class Problem:
             elif isinstance(ball.shape, type):
                 got = f"got the class {ball.shape.__name__}; give an object, such as {ball.shape.__name__}(...)"
                 faults.append(f"balls.shape: must be a name, an indenter or a profile f(x, y), {got}")
-            if isinstance(ball.shape, Indenter) and not math.isclose(ball.radius, ball.shape.apex_radius):
-                faults.append(
-                    f"balls.radius[{i}]: must be {ball.shape.apex_radius:g} m, which the shape states, got "
-                    f"{ball.radius:g} m; leave it out"
-                )
-        return faults
+            if isinstance(ball.shape, Indenter):
+                faults += self._faults_of_body(f"balls.radius[{i}]", ball.radius, ball.shape)
+        return list(dict.fromkeys(faults))
+
+    @staticmethod
+    def _faults_of_body(key: str, radius: float, body: Indenter) -> list[str]:
+        stated = {name: getattr(body, name) for name in ("apex_radius", "reach")}
+        wrong = {name: value for name, value in stated.items() if not (is_number(value) and value > 0.0)}
+        if wrong:
+            rule = f"balls.shape: {type(body).__name__}"
+            return [f"{rule}.{name} must be a length greater than 0, got {value!r}" for name, value in wrong.items()]
+        if math.isclose(radius, body.apex_radius):
+            return []
+        return [f"{key}: must be {body.apex_radius:g} m, which the shape states, got {radius:g} m; leave it out"]
 
     def _overlaps(self) -> list[str]:
         whole = {i: (ball.indenter, ball.radius) for i, ball in enumerate(self.balls) if not ball.asperity}

@@ -60,7 +60,8 @@ def section_edge(indenter: Indenter, depth: float, way: complex, known: float = 
     """
 
     def above(r: float) -> float:
-        height = indenter.height(r * way.real, r * way.imag)
+        with np.errstate(all="ignore"):  # a steep body's height may overflow
+            height = indenter.height(r * way.real, r * way.imag)
         if isinstance(height, complex) or math.isnan(height):
             raise InvalidProblem(
                 f"balls.shape: {type(indenter).__name__}.height must be a real number wherever the layer may touch, "

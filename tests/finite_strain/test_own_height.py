@@ -169,6 +169,14 @@ def test_a_body_whose_section_has_no_end_is_refused(shape: Any) -> None:
         finite_strain.plan(single(0.1, shape=shape))
 
 
+def steep(x: Any, y: Any) -> Any:
+    return 0.5 * (np.exp(x**2 + y**2) - 1.0)
+
+
+def test_a_steep_function_whose_height_overflows_far_away_is_planned_without_a_warning() -> None:
+    assert coarse_plan(pair(0.1, shape=steep)).reduction.planes == (0, 1)
+
+
 def test_a_run_of_an_own_function_or_class_is_never_resumed(tmp_path: Path) -> None:
     """Its name does not say what it computes."""
     plans = [coarse_plan(pair(0.1, shape=shape)) for shape in ("sphere", written_as_a_function, Bowl())]
