@@ -16,7 +16,7 @@ CELLS = (4, 5, 11, 12, 29)
 
 
 def number_groups(file: Path) -> None:
-    """Renumber the physical groups of gmsh's model whose names are in `TAGS` accordingly.
+    """Renumber the physical groups of gmsh's model whose names, in any case, are in `TAGS` accordingly.
 
     Raises `InvalidProblem`, which names the ``file``.
     """
@@ -30,7 +30,7 @@ def number_groups(file: Path) -> None:
         twice = [part for part, count in Counter(chain(*parts)).items() if count > 1]
         if twice:
             raise InvalidProblem(f"mesh: {file}: {what} {twice} are in two physical groups; put each into one")
-        names = [model.getPhysicalName(dimension, tag) for tag in tags]
+        names = [model.getPhysicalName(dimension, tag).strip().lower() for tag in tags]
         found += list(zip([dimension] * len(tags), tags, names, parts, strict=True))
     _require_cells(file, found)
     if all(TAGS.get(name, tag) == tag for _, tag, name, _ in found):

@@ -335,17 +335,18 @@ def test_cells_curved_by_more_than_order_2_are_refused(tmp_path: Path) -> None:
         OwnMesh(path, COMM)
 
 
-def test_groups_of_a_file_are_known_by_name(tmp_path: Path) -> None:
+@pytest.mark.parametrize("written", [str.lower, str.title])
+def test_groups_of_a_file_are_known_by_name(written: Callable[[str], str], tmp_path: Path) -> None:
     path = tmp_path / "own.msh"
     with gmsh_session():
         gmsh.model.occ.addBox(0.0, 0.0, -1.0, 2.0, 2.0, 1.0)
         gmsh.model.occ.synchronize()
-        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [1]), "layer")
+        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [1]), written("layer"))
         heights = {gmsh.model.getBoundingBox(2, tag)[2::3]: tag for _, tag in gmsh.model.getEntities(2)}
         for (low, high), tag in heights.items():
             if high - low < 0.5:  # neither of the two has its number in `TAGS`
                 group = gmsh.model.addPhysicalGroup(2, [tag])
-                gmsh.model.setPhysicalName(2, group, "top" if high > -0.5 else "bottom")
+                gmsh.model.setPhysicalName(2, group, written("top" if high > -0.5 else "bottom"))
         gmsh.model.mesh.generate(3)
         gmsh.write(str(path))
     mesh, cells, facets = compat.read_mesh(path, COMM)
@@ -353,6 +354,7 @@ def test_groups_of_a_file_are_known_by_name(tmp_path: Path) -> None:
     points = mesh.geometry.x
     for name, z in (("top", 0.0), ("bottom", -1.0)):
         space = compat.function_space(mesh, 1)
+        assert len(facets.find(TAGS[name]))
         dofs = dolfinx.fem.locate_dofs_topological(space, 2, facets.find(TAGS[name]))
         assert np.allclose(space.tabulate_dof_coordinates()[dofs, 2], z)
     assert np.ptp(points[:, 2]) == pytest.approx(1.0)
