@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from finite_strain.geometry.load_control import prescribed
 from finite_strain.mechanics.own_energy import softening
 from finite_strain.mechanics.volumetric import form_notes
 from finite_strain.planning.records import Record
@@ -14,7 +15,7 @@ from linear_bem.doubts import large_strain_notes
 from linear_bem.result import FAINT, UNRESOLVED
 
 HALF = 0.5
-"""Error of T over T above which T counts as too small to be resolved."""
+"""Relative error above which T, Q or D counts as not resolved."""
 NEAR_ZERO = "a tenth of the force between the balls on a half-space"
 
 
@@ -54,6 +55,14 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
         share = f", {most / force:.2g} of the normal force" if force > 0.0 else ""  # a ball may not touch on the mesh
         notes.append(
             f"{FAINT}{where}: it is at most {most:.2g} N{share}; at small loads linear_bem resolves smaller ones"
+        )
+    follows = prescribed(plan.problem).follows
+    found = [(i, abs(getattr(b, follows)), b.errors.get(follows, 0.0)) for i, b in enumerate(last.balls)]
+    unknown = {i: error / value for i, value, error in found if 0.0 < HALF * value < error}
+    if unknown and record.scale > 0.0:
+        which, shares = ", ".join(map(str, unknown)), dict.fromkeys(f"{100 * each:.2g} %" for each in unknown.values())
+        notes.append(
+            f"the {follows.replace('_', ' ')} of ball {which} is not resolved: its error is {', '.join(shares)}"
         )
     if record.reached > plan.accuracy:
         name = "tangential force" if record.scale > 0.0 else relative_to(record)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -19,13 +21,18 @@ SOFT = Elastic(0.91, 0.3)
 """A base with a contact modulus of 1 Pa."""
 
 
+def one_ball(**known: Any) -> Any:
+    """Return the state of a ball, its normal force 1 N unless it is ``known``."""
+    return SimpleNamespace(**{"normal_force": 1.0, "errors": {}, **known})
+
+
 @pytest.mark.parametrize(
     ("film", "volume_ratio", "noted"),
     [(0.14, 0.3, False), (0.14, 0.09, False), (0.14, 0.06, True), (0.62, 0.09, True), (None, 0.09, True)],
 )
 def test_a_state_with_nearly_inverted_elements_is_named(film: float | None, volume_ratio: float, noted: bool) -> None:
     plan = plan_run(pair(1.0), 0.1, "finite_strain")
-    ball = SimpleNamespace(tangential_force=(1.0, 0.0), tangential_force_error=0.01, approach=1.0, normal_force=1.0)
+    ball = one_ball(tangential_force=(1.0, 0.0), tangential_force_error=0.01, approach=1.0)
     step = SimpleNamespace(
         balls=(ball, ball), smallest_volume_ratio=volume_ratio, smallest_seen_area=1.0, surface_crossing=0.0,
         distorted_at={"volume_ratio": [1.0, 0.0]}, linear_failure="", film=film, fraction=1.0, error_terms={},
@@ -51,7 +58,7 @@ def test_a_state_with_nearly_inverted_elements_is_named(film: float | None, volu
 )
 def test_a_surface_that_may_touch_itself_is_noted(seen_area: float, crossing: float, noted: str) -> None:
     plan = plan_run(pair(1.0), 0.1, "finite_strain")
-    ball = SimpleNamespace(tangential_force=(1.0, 0.0), tangential_force_error=0.01, approach=1.0)
+    ball = one_ball(tangential_force=(1.0, 0.0), tangential_force_error=0.01, approach=1.0)
     step = SimpleNamespace(
         balls=(ball, ball), smallest_volume_ratio=0.9, smallest_seen_area=seen_area, surface_crossing=crossing,
         distorted_at={"seen_area": [1.5, 0.0]}, linear_failure="",
@@ -77,9 +84,7 @@ def test_small_strain_is_noted_where_it_does_not_hold(
 ) -> None:
     problem = at_small_strain(pair(approach, thickness=thickness, substrate=base))
     plan = plan_run(problem, 0.1, "small_strain")
-    ball = SimpleNamespace(
-        tangential_force=(1.0, 0.0), tangential_force_error=0.01, approach=approach, normal_force=1.0, contact_area=1.0
-    )
+    ball = one_ball(tangential_force=(1.0, 0.0), tangential_force_error=0.01, approach=approach, contact_area=1.0)
     step = SimpleNamespace(balls=(ball, ball), linear_failure="")
     rows = [Row(SimpleNamespace(fraction=1.0), None)]  # type: ignore[arg-type]
     record = Record(CUBIC, steps=[step], rows=rows, reached=0.01, scale=1.0)  # type: ignore[list-item]
@@ -90,7 +95,7 @@ def test_small_strain_is_noted_where_it_does_not_hold(
 
 def test_a_force_near_zero_is_noted_once_for_equal_balls() -> None:
     plan = plan_run(pair(0.1), 0.1, "finite_strain")
-    ball = SimpleNamespace(tangential_force=(1.0, 0.0), tangential_force_error=0.0082, approach=0.1)
+    ball = one_ball(tangential_force=(1.0, 0.0), tangential_force_error=0.0082, approach=0.1)
     step = SimpleNamespace(
         balls=(ball, ball), smallest_volume_ratio=1.0, smallest_seen_area=1.0, surface_crossing=0.0, linear_failure=""
     )
@@ -106,7 +111,7 @@ def test_a_force_near_zero_is_noted_once_for_equal_balls() -> None:
 def test_forces_with_an_error_above_half_the_largest_are_bounded(errors: tuple[float, float], noted: str) -> None:
     plan = plan_run(pair(0.1), 0.1, "finite_strain")
     balls = [
-        SimpleNamespace(tangential_force=(1.0, 0.0), tangential_force_error=error, approach=0.1, normal_force=1e3)
+        one_ball(tangential_force=(1.0, 0.0), tangential_force_error=error, approach=0.1, normal_force=1e3)
         for error in errors
     ]
     step = SimpleNamespace(
@@ -122,7 +127,7 @@ def test_forces_with_an_error_above_half_the_largest_are_bounded(errors: tuple[f
 def test_the_bound_of_a_ball_without_force_on_the_mesh_has_no_share_of_it() -> None:
     plan = plan_run(pair(0.1), 0.1, "finite_strain")
     balls = [
-        SimpleNamespace(tangential_force=(pull, 0.0), tangential_force_error=error, approach=0.1, normal_force=force)
+        one_ball(tangential_force=(pull, 0.0), tangential_force_error=error, approach=0.1, normal_force=force)
         for pull, error, force in ((1.0, 0.1, 1e3), (0.0, 1.5, 0.0))
     ]
     step = SimpleNamespace(
@@ -132,3 +137,27 @@ def test_the_bound_of_a_ball_without_force_on_the_mesh_has_no_share_of_it() -> N
     record = Record(CUBIC, steps=[step], rows=rows, reached=0.01, scale=1.0)  # type: ignore[list-item]
     (said,) = [note for note in result_notes(plan, record, "", 1.0) if note.startswith(FAINT)]
     assert said.startswith(f"{FAINT} on ball 1: it is at most 1.5 N; at small loads ")
+
+
+@pytest.mark.parametrize(
+    ("errors", "noted"), [((0.4, 0.4), ""), ((1.5, 1.5), "0, 1 .* is 1.5e+02 %"), ((0.4, 0.6), "1 .* is 60 %")]
+)
+def test_a_normal_force_with_an_error_above_half_of_it_is_noted(errors: tuple[float, float], noted: str) -> None:
+    """Of a law near its limit, T may be small and well known beside a Q that is not known at all."""
+    plan = plan_run(pair(0.1), 0.1, "finite_strain")
+    balls = [
+        one_ball(
+            tangential_force=(1.0, 0.0), tangential_force_error=0.01, approach=0.1, normal_force=1.0,
+            errors={"normal_force": error},
+        )
+        for error in errors
+    ]  # fmt: skip
+    step = SimpleNamespace(
+        balls=balls, smallest_volume_ratio=1.0, smallest_seen_area=1.0, surface_crossing=0.0, linear_failure=""
+    )
+    rows = [Row(SimpleNamespace(fraction=1.0), SimpleNamespace())]  # type: ignore[arg-type]
+    record = Record(CUBIC, steps=[step], rows=rows, reached=0.01, scale=1.0)  # type: ignore[list-item]
+    said = [note for note in result_notes(plan, record, "", 1.0) if "is not resolved: its error" in note]
+    assert len(said) == bool(noted)
+    words = noted.replace("+", r"\+")
+    assert all(re.match(f"the normal force of ball {words}", note) for note in said)
