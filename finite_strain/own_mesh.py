@@ -191,7 +191,7 @@ class OwnMesh:
         """Raise `InvalidProblem` if two free facets are at one place: blocks of cells that only touch each other."""
         middles = dolfinx.mesh.compute_midpoints(self.mesh, 2, free.astype(np.int32)).reshape(-1, 3)
         places = np.concatenate(self.comm.allgather(middles))
-        twins = cKDTree(places).query_pairs(near, output_type="ndarray") if len(places) else []
+        twins = cKDTree(places).query_pairs(near, output_type="ndarray")
         if len(twins):
             x, y, z = places[twins[0, 0]]
             raise InvalidProblem(
