@@ -134,7 +134,8 @@ class Evolution:
         members = {
             member["seed"]: member
             for member in earlier.get("ensemble", [])
-            if limit == np.inf or (member["at_rest"] and member["sigma_end"] < limit)
+            if member["seed"] < self.sliding.seed + self.sliding.ensemble
+            and (limit == np.inf or (member["at_rest"] and member["sigma_end"] < limit))
         }
         if earlier.get("path"):
             self.session.report(self._resume_message(record, complete=complete))

@@ -41,7 +41,9 @@ def draw_top_views(folder: Path, moments: Sequence[Moment], balls: HardBalls, cy
 
 @look()
 def draw_ensemble(folder: Path, members: Sequence[Mapping[str, Any]], balls: HardBalls, length: Unit) -> None:
-    """Write ensemble.png and .svg: how the first nine members ended, as `draw_top_views`; nothing for a single one."""
+    """Write ensemble.png and .svg: how the first nine members ended, as `draw_top_views`; of a single one none."""
+    for suffix in ("png", "svg"):  # which a larger ensemble left
+        (folder / f"ensemble.{suffix}").unlink(missing_ok=True)
     if len(members) > 1:
         ends = [(f"seed {m['seed']}:", count(m["contacts"], "contact"), np.array(m["positions"])) for m in members[:9]]
         _draw_views(folder, "ensemble", ends, balls, length)

@@ -22,6 +22,8 @@ FINISHED, INTERRUPTED, FAILED = "finished", "interrupted", "failed"
 FIELDS = "fields"
 PICTURES = "pictures"
 PATH = "path"
+CHANGEABLE = ("cycles", "ensemble")
+"""Keys of [reciprocation] with which a saved run goes on although they differ."""
 LONG = 60
 """Characters of a list from which a difference in it is named by the place of its items."""
 OURS = (
@@ -92,7 +94,7 @@ class OutputFolder:
             self.saved = read_json(result)
             self.lost = self.saved is None and (result.exists() or mark.get("state") == FINISHED)
             self.stopped = locked and mark.get("state") == RUNNING
-            # with another number of cycles, or a damaged result, it goes on
+            # with other cycles or members, or a damaged result, it goes on
             is_same = mark.get("identity") == self.identity
             self.complete = is_same and mark.get("state") == FINISHED and self.saved is not None
         if not self.complete:
@@ -155,10 +157,10 @@ def ended(error: type[BaseException]) -> str:
 
 
 def _fixed(identity: Any) -> Any:
-    """Return an identity without the number of cycles of an evolution, which may change: a finished run continues."""
+    """Return an identity without the numbers of an evolution that may change: its finished run continues."""
     if not isinstance(identity, dict) or "reciprocation" not in identity:
         return identity
-    return {**identity, "reciprocation": {k: v for k, v in identity["reciprocation"].items() if k != "cycles"}}
+    return {**identity, "reciprocation": {k: v for k, v in identity["reciprocation"].items() if k not in CHANGEABLE}}
 
 
 def _flat(row: Mapping[str, Any]) -> dict[str, Any]:

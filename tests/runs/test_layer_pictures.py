@@ -52,8 +52,10 @@ def test_the_ends_of_an_ensemble_in_a_cell_are_drawn(tmp_path: Path, monkeypatch
     ]
     assert [text.get_text() for text in ends.axes[0].texts] == ["0", "1", "2", "3"]
     figures.clear()
+    (tmp_path / "ensemble.svg").touch()
     showing.draw(session, {"ensemble": members[:1]}, moments, balls, [{}])
     assert len(figures) == 1
+    assert not (tmp_path / "ensemble.svg").exists()
 
 
 @pytest.mark.parametrize("cell", [(100e-3, 30e-3), (30e-3, 100e-3)])

@@ -1,4 +1,4 @@
-"""A run of ``evolve`` with another number of cycles: it goes on from the saved path, to what one run gives."""
+"""A run of ``evolve`` with another number of cycles or members: it goes on from what is saved, to what one run gives."""
 
 from __future__ import annotations
 
@@ -93,6 +93,26 @@ def test_only_what_is_missing_is_computed(
     assert cut == document_in(less)
     files = (sorted(p.name for p in (folder / "out" / "path").glob("*")) for folder in (tmp_path / "changed", less))
     assert next(files) == next(files)
+
+
+def test_another_number_of_members_keeps_those_there_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one_run: OneRun
+) -> None:
+    followed: list[int] = []
+    member = evolving.Evolution._member
+
+    def counted(evolution: evolving.Evolution, path: Any, number: int) -> dict[str, Any]:
+        followed.append(number)
+        return member(evolution, path, number)
+
+    evolved(tmp_path / "changed", 30.0, THREE, 2)
+    with monkeypatch.context() as patch:
+        patch.setattr(evolving.Evolution, "_member", counted)
+        more = evolved(tmp_path / "changed", 30.0, THREE, 3)
+    assert followed == [0, 2]  # the first is that of the saved path
+    assert more == evolved(tmp_path / "three", 30.0, THREE, 3)
+    assert evolved(tmp_path / "three", 30.0, THREE, 2) == document_in(one_run(30.0, THREE))
+    assert evolved(tmp_path / "three", 40.0, THREE, 3) == evolved(tmp_path / "longer", 40.0, THREE, 3)
 
 
 @pytest.mark.parametrize(("after", "places"), [(4, THREE), (12, MANY)])
