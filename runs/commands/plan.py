@@ -43,7 +43,8 @@ def plan_scene(
     ``pair_tables``: folder of a drift's tables of pairs.
     """
     model, problem, notes = choose(standing(scene), asked)
-    drifts = scene.reciprocation is not None
+    sliding = scene.reciprocation
+    drifts = sliding is not None
     if drifts:
         from runs.evolution.evolving import require_drift  # noqa: PLC0415  (only for a scene whose balls drift)
 
@@ -58,6 +59,8 @@ def plan_scene(
             whole = dataclasses.replace(problem, periodic=cell, finite_strain=None)
     elif model.plan:
         accuracy = accuracy_beside(accuracy)
+    if pair_tables is not None and (sliding is None or sliding.forces == "direct" or model.name == "point_load"):
+        notes = (*notes, "--tables left out: only a drift by pair forces of a full model needs a table of pairs")
     with waiting("the linear model on some of the balls, for this plan"):
         part, seen, ahead, seconds = ahead_of(whole, accuracy)
     plans, evolution = [{"model": model.name, "summary": model.summary}], None

@@ -150,6 +150,15 @@ def test_the_drift_takes_longer_for_a_finer_path_and_for_more_paths(
     assert here == pytest.approx(times * there)
 
 
+@pytest.mark.parametrize(("name", "model"), [("separation_16mm", None), ("experiment_pair_16mm", "point_load")])
+def test_a_plan_says_that_it_needs_no_tables(
+    name: str, model: str | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = read_scene(ROOT / "runs" / "scenes" / f"{name}.toml")
+    plan_scene(given, model, as_json=True, advises=False, pair_tables=tmp_path)
+    assert any(note.startswith("--tables left out: ") for note in json.loads(capsys.readouterr().out)["notes"])
+
+
 def test_the_drift_of_point_loads_is_planned_without_a_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
