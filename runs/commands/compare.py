@@ -40,7 +40,9 @@ def compare_scene(scene: Scene, options: Options) -> None:
 
 def _compute(session: Session) -> Document | None:
     scene = as_given(session.scene.data)
-    linear = LinearStates(session.problem, session.scene.tangential_force, session.saved)
+    with session.reading_saved():
+        linear = LinearStates(session.problem, session.scene.tangential_force, session.saved)
+        steps = session.saved.get("finite", {}).get("steps", [])
 
     def save(result: Result) -> Document:
         finite = result.to_dict(scene)
@@ -57,7 +59,7 @@ def _compute(session: Session) -> Document | None:
         session.save(document, rows)
         return document
 
-    result = session.solve(session.saved.get("finite", {}).get("steps", []), save)
+    result = session.solve(steps, save)
     rank, size = ranks.rank_and_size()
     document: Document | None = None
     if session.root:

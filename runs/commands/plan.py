@@ -43,8 +43,7 @@ def plan_scene(
     ``pair_tables``: folder of a drift's tables of pairs.
     """
     model, problem, notes = choose(standing(scene), asked)
-    sliding = scene.reciprocation
-    drifts = sliding is not None
+    drifts = scene.reciprocation is not None
     if drifts:
         from runs.evolution.evolving import require_drift  # noqa: PLC0415  (only for a scene whose balls drift)
 
@@ -59,8 +58,6 @@ def plan_scene(
             whole = dataclasses.replace(problem, periodic=cell, finite_strain=None)
     elif model.plan:
         accuracy = accuracy_beside(accuracy)
-    if pair_tables is not None and (sliding is None or sliding.forces == "direct" or model.name == "point_load"):
-        notes = (*notes, "--tables left out: only a drift by pair forces of a full model needs a table of pairs")
     with waiting("the linear model on some of the balls, for this plan"):
         part, seen, ahead, seconds = ahead_of(whole, accuracy)
     plans, evolution = [{"model": model.name, "summary": model.summary}], None
@@ -97,13 +94,20 @@ def plan_scene(
         "advice": [dataclasses.asdict(item) for item in advice],
         "sensitivity": inputs,
         "warnings": warnings,
-        "notes": [*notes, *left_out(scene, model), *doubts],
+        "notes": [*notes, *left_out(scene, model), *_tables_left_out(pair_tables, scene, model), *doubts],
         "evolution": evolution,
     }
     if as_json:
         sys.stdout.write(to_json(document))
     else:
         _show(document, scale, scene, whole)
+
+
+def _tables_left_out(pair_tables: Path | None, scene: Scene, model: Model) -> list[str]:
+    sliding = scene.reciprocation
+    if pair_tables is None or (sliding is not None and sliding.forces == "pairs" and model.name != "point_load"):
+        return []
+    return ["--tables left out: only a drift by pair forces of a full model needs a table of pairs"]
 
 
 def _law(problem: Problem) -> Law:

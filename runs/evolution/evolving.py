@@ -126,17 +126,18 @@ class Evolution:
         """Return the finished document and the path; what an earlier run has saved is not computed again."""
         start_time = time.process_time()
         earlier = self.session.saved
-        earlier_seconds = float(earlier.get("solved", {}).get("seconds", 0.0))
-        limit = self._limit_of_saved(earlier)
-        record = Record.from_dict(earlier, self.balls, self._folder, limit)
-        complete = record.ended(self.end)
-        found = outcome.saved(earlier) if complete else {}
-        members = {
-            member["seed"]: member
-            for member in earlier.get("ensemble", [])
-            if member["seed"] < self.sliding.seed + self.sliding.ensemble
-            and (limit == np.inf or (member["at_rest"] and member["sigma_end"] < limit))
-        }
+        with self.session.reading_saved():
+            earlier_seconds = float(earlier.get("solved", {}).get("seconds", 0.0))
+            limit = self._limit_of_saved(earlier)
+            record = Record.from_dict(earlier, self.balls, self._folder, limit)
+            complete = record.ended(self.end)
+            found = outcome.saved(earlier) if complete else {}
+            members = {
+                member["seed"]: member
+                for member in earlier.get("ensemble", [])
+                if member["seed"] < self.sliding.seed + self.sliding.ensemble
+                and (limit == np.inf or (member["at_rest"] and member["sigma_end"] < limit))
+            }
         if earlier.get("path"):
             self.session.report(self._resume_message(record, complete=complete))
 

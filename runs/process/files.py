@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
-from linear_bem.errors import OutputUnusable
+from linear_bem.errors import OutputUnusable, ThirdBodyError
 
 DAMAGED = (OSError, EOFError, ValueError, KeyError, BadZipFile, zlib.error)
 """Exceptions that numpy raises for a damaged file of arrays."""
@@ -66,6 +66,21 @@ def read_csv(source: Path, cell: Callable[[str], Any] = str) -> list[dict[str, A
     """Return the rows of a file written by `write_csv`, each cell converted by ``cell``."""
     with open(source, encoding="utf-8", newline="") as file:
         return [{key: cell(text) for key, text in row.items()} for row in csv.DictReader(file)]
+
+
+@contextlib.contextmanager
+def reading(source: Path) -> Iterator[None]:
+    """Name a saved document in whose use the block finds a key missing or wrong; raises `OutputUnusable`."""
+    try:
+        yield
+    except ThirdBodyError:
+        raise
+    except (AttributeError, LookupError, StopIteration, TypeError, ValueError) as error:
+        what = f"lacks the key {error}" if isinstance(error, KeyError) else f"has a wrong value ({error})"
+        raise OutputUnusable(
+            f"{source}: {what}, perhaps because it was edited or another version wrote it; run the same command again "
+            "with --fresh"
+        ) from error
 
 
 def read_json(source: Path) -> dict[str, Any] | None:

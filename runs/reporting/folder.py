@@ -10,7 +10,7 @@ from typing import Any
 
 from linear_bem.errors import OutputUnusable
 from runs.process.locks import seen
-from runs.session.output_folder import LOCK, MARK
+from runs.session.output_folder import LOCK, MARK, RESULT
 from runs.studies.framework.study import command
 
 
@@ -76,7 +76,7 @@ def read_folder(path: Path) -> Folder:
             "--fresh"
         ) from None
     try:
-        document = json.loads((path / "result.json").read_text(encoding="utf-8"))
+        document = json.loads((path / RESULT).read_text(encoding="utf-8"))
     except FileNotFoundError:
         document = {}
     except ValueError as error:

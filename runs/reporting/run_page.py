@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from linear_bem.counts import grouped
-from linear_bem.errors import OutputUnusable
 from runs.comparison import sensitivity
 from runs.display.numbers import Scale, duration, error_terms, leading_ball, line_of, number, with_error
 from runs.display.rows import (
@@ -19,10 +18,12 @@ from runs.display.rows import (
     path_rows,
 )
 from runs.display.tables import LARGEST_T, mesh_words, some_balls, symbol_of
+from runs.process.files import reading
 from runs.process.json_values import Document
 from runs.reporting.folder import Folder
 from runs.scene.scene_file import Tables
 from runs.scene.units import Unit
+from runs.session.output_folder import FINISHED, RESULT
 
 SHOWN_ELSEWHERE = ("scene", "solved", "balls", "steps", "path", "continuation", "sentences")
 """Keys of a document that the page shows in other parts or in figures."""
@@ -46,20 +47,15 @@ def scale_of(folder: Folder) -> Scale:
 
 
 def content(folder: Folder) -> dict[str, Any]:
-    """Return the page's contents for a solved or evolved scene or a comparison; empty without results.
+    """Return the page's contents for a solved or evolved scene or a comparison; empty before the first ones.
 
-    Raises `OutputUnusable` if a key is missing.
+    Raises `OutputUnusable` if a key is missing or wrong.
     """
     document = folder.document
-    if not document:
+    if not document and folder.state != FINISHED:
         return {}
-    try:
+    with reading(folder.path / RESULT):
         return (_comparison if folder.command == "compare" else _solution)(folder, document)
-    except KeyError as error:
-        raise OutputUnusable(
-            f"{folder.path / 'result.json'}: lacks the key {error}, perhaps because another version wrote it; run the "
-            "same command again with --fresh"
-        ) from error
 
 
 def _common(

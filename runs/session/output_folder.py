@@ -14,6 +14,7 @@ from runs.process.json_values import plain, to_json
 from runs.process.locks import RUNNING, take
 
 MARK = "run.json"
+RESULT = "result.json"
 LOCK = ".lock"
 FIRST = (MARK, "scene.toml", LOCK)
 """Files that a run writes before it computes."""
@@ -27,7 +28,7 @@ CHANGEABLE = ("cycles", "ensemble")
 LONG = 60
 """Characters of a list from which a difference in it is named by the place of its items."""
 OURS = (
-    MARK, "scene.toml", "result.json", "steps.csv", "strengthening.csv", "run.log", "tangential_force.png",
+    MARK, "scene.toml", RESULT, "steps.csv", "strengthening.csv", "run.log", "tangential_force.png",
     "tangential_force.svg", "surface.png", "surface.npz", "top_views.png", "top_views.svg", "distances.png",
     "distances.svg", "structure.csv", "structure_factor.csv", "structure.png", "structure.svg", "evolution.gif",
     "ensemble.png", "ensemble.svg", "report.html", LOCK,
@@ -90,7 +91,7 @@ class OutputFolder:
                 "name another --out, or replace that run with --fresh"
             )
         if mark is not None:
-            result = self.path / "result.json"
+            result = self.path / RESULT
             self.saved = read_json(result)
             self.lost = self.saved is None and (result.exists() or mark.get("state") == FINISHED)
             self.stopped = locked and mark.get("state") == RUNNING
@@ -121,7 +122,7 @@ class OutputFolder:
 
     def save(self, document: Mapping[str, Any], rows: Iterable[Mapping[str, Any]]) -> None:
         """Write result.json and steps.csv; each file is replaced atomically."""
-        write_text(self.path / "result.json", to_json(document))
+        write_text(self.path / RESULT, to_json(document))
         write_csv(self.path / "steps.csv", [_flat(row) for row in rows])
 
     def finish(self) -> None:

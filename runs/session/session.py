@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import importlib.metadata
 import math
@@ -21,11 +22,12 @@ from runs.display import surface
 from runs.display.numbers import Scale, count, duration
 from runs.models import Model, Run, choose, standing, time_on
 from runs.process import ranks, signals
+from runs.process.files import reading
 from runs.process.json_values import Document, to_json
 from runs.process.machine import memory_bytes
 from runs.scene.effects.finite_strain import effect_identity
 from runs.scene.scene_file import Scene
-from runs.session.output_folder import FIELDS, OutputFolder
+from runs.session.output_folder import FIELDS, RESULT, OutputFolder
 from runs.session.progress import Progress
 from runs.session.terminal import print_status, waiting
 
@@ -76,7 +78,7 @@ class Session:
             if self.folder.stopped:
                 self.report("this run was stopped before: killed, or its machine failed; it resumes from what is saved")
             if self.folder.lost:
-                self.report(f"{self.out / 'result.json'} is damaged or was deleted: it is made again")
+                self.report(f"{self.out / RESULT} is damaged or was deleted: it is made again")
             if not self.complete:
                 self.folder.log(f"{' '.join(sys.argv)}  on {ranks.rank_and_size()[1]} rank(s)\n{_versions()}")
         try:
@@ -107,6 +109,10 @@ class Session:
         """The output folder; on rank 0."""
         assert self.folder is not None
         return self.folder.path
+
+    def reading_saved(self) -> contextlib.AbstractContextManager[None]:
+        """Name the saved document in an error that it causes."""
+        return reading(self.out / RESULT) if self.root else contextlib.nullcontext()
 
     def _open_folder(self, version: int | None) -> OutputFolder:
         scene, parallel = self.scene, self.model.parallel
@@ -141,7 +147,8 @@ class Session:
         ``saved``: JSON objects of the load steps on disk; ``keep`` receives the unfinished result after every step, on
         rank 0.
         """
-        steps = [Step.from_dict(step) for step in saved]
+        with self.reading_saved():
+            steps = [Step.from_dict(step) for step in saved]
 
         def take(step: Step) -> None:
             steps[:] = path_so_far(steps, step)
@@ -224,7 +231,8 @@ def conduct(
         if session.options.as_json:
             sys.stdout.write(to_json(document))
         else:
-            show(session, document)
+            with session.reading_saved() if already else contextlib.nullcontext():
+                show(session, document)
         made = ["steps.csv", FIELDS] if session.plan else ["steps.csv"]
         gone = ", ".join(name for name in made if not (session.out / name).exists())
         again = f"--fresh computes again{', also what was deleted: ' if gone else ''}{gone}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,10 +18,13 @@ from runs.evolution.forces import State
 from runs.evolution.hard_balls import HardBalls
 from runs.evolution.pair_table import PairTable
 from runs.evolution.record import Record, file_name
+from runs.reporting import page_of
+from runs.reporting.folder import read_folder
 from runs.scene.scene_file import read_scene
 from runs.session.output_folder import OutputFolder, difference
 from runs.session.session import Options
 from tests.launch import ROOT
+from tests.runs.three_balls import evolved, sliding, three
 
 
 def test_a_damaged_mark_is_named_and_replaced_where_asked(tmp_path: Path) -> None:
@@ -72,6 +76,37 @@ def test_what_a_complete_run_has_lost_is_named(tmp_path: Path, capsys: pytest.Ca
     assert "is damaged or was deleted" in said()
     assert result.exists()
     assert (out / "steps.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("edited", "fault"), [({}, "lacks the key 'balls'"), ({"balls": [3]}, r"has a wrong value \(")]
+)
+def test_an_edited_result_is_named(edited: dict[str, Any], fault: str, tmp_path: Path) -> None:
+    scene, out = read_scene(ROOT / "runs" / "scenes" / "paper_thin_pair_linear.toml"), tmp_path / "out"
+    solve_scene(scene, "point_load", Options(out=out))
+    whole = json.loads((out / "result.json").read_text(encoding="utf-8"))
+    (out / "result.json").write_text(json.dumps((whole if edited else {}) | edited), encoding="utf-8")
+    named = rf"result\.json: {fault}.*edited.*with --fresh"
+    with pytest.raises(OutputUnusable, match=named):
+        solve_scene(scene, "point_load", Options(out=out))
+    with pytest.raises(OutputUnusable, match=named):
+        page_of(read_folder(out))
+    # a run that goes on from its saved steps
+    (out / "result.json").write_text('{"steps": [{}]}', encoding="utf-8")
+    (out / "run.json").write_text((out / "run.json").read_text().replace("finished", "failed"), encoding="utf-8")
+    with pytest.raises(OutputUnusable, match=r"result\.json: lacks the key 'balls'"):
+        solve_scene(scene, "point_load", Options(out=out))
+
+
+def test_an_edited_path_of_a_drift_is_named(tmp_path: Path) -> None:
+    scene, out = sliding(three(tmp_path), ensemble=1, cycles=0.5), tmp_path / "out"
+    evolved(scene, out)
+    (out / "result.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(OutputUnusable, match=r"result\.json: lacks the key 'path'.*with --fresh"):
+        evolved(scene, out)
+    (out / "result.json").write_text('{"path": [{}]}', encoding="utf-8")
+    with pytest.raises(OutputUnusable, match=r"result\.json: lacks the key 'sigma'.*with --fresh"):
+        evolved(sliding(scene, cycles=0.6), out)
 
 
 def test_a_damaged_surface_is_named_with_what_it_is_for(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""A run of ``evolve`` with another number of cycles or members: it goes on from what is saved, to what one run gives."""
+"""A run of ``evolve`` with other cycles or members: it goes on from what is saved, to what one run gives."""
 
 from __future__ import annotations
 
