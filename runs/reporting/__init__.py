@@ -12,10 +12,9 @@ from runs.reporting import run_page, study_page
 from runs.reporting.folder import Folder, read_folder
 from runs.reporting.markup import render
 from runs.reporting.pictures import figure, pictures_of
-from runs.session.output_folder import FAILED, INTERRUPTED
+from runs.session.output_folder import FAILED, INTERRUPTED, REPORT
 from runs.session.terminal import print_status
 
-NAME = "report.html"
 STYLE = Path(__file__).with_name("report.css")
 """Style sheet: one column that fits a phone, light and dark; wide tables scroll in a box of their own."""
 UNFINISHED = {
@@ -40,7 +39,7 @@ def report_folder(path: Path, out: Path | None) -> None:
     """
     if not ranks.is_root():
         return
-    target = out or path / NAME
+    target = out or path / REPORT
     write_text(target, page_of(read_folder(path)))
     print_status(f"the report is {target} ({max(target.stat().st_size / 1e6, 0.01):.2g} MB, self-contained)")
 

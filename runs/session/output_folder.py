@@ -15,6 +15,7 @@ from runs.process.locks import RUNNING, take
 
 MARK = "run.json"
 RESULT = "result.json"
+REPORT = "report.html"
 LOCK = ".lock"
 FIRST = (MARK, "scene.toml", LOCK)
 """Files that a run writes before it computes."""
@@ -31,7 +32,7 @@ OURS = (
     MARK, "scene.toml", RESULT, "steps.csv", "strengthening.csv", "run.log", "tangential_force.png",
     "tangential_force.svg", "surface.png", "surface.npz", "top_views.png", "top_views.svg", "distances.png",
     "distances.svg", "structure.csv", "structure_factor.csv", "structure.png", "structure.svg", "evolution.gif",
-    "ensemble.png", "ensemble.svg", "report.html", LOCK,
+    "ensemble.png", "ensemble.svg", REPORT, LOCK,
 )  # fmt: skip
 
 
@@ -41,7 +42,7 @@ class OutputFolder:
     ``identity`` describes the run (command, model, problem, accuracy). Raises `OutputUnusable` if the folder belongs to
     another run, holds other files, or cannot be written. ``stopped``: an earlier process of this run was killed;
     ``complete``: the run is; ``saved``: the document that an earlier process saved, complete or not; ``lost``: it is
-    unreadable or gone.
+    unreadable or gone; ``gone``: other files of the complete run that are.
     """
 
     def __init__(self, path: Path, identity: Mapping[str, Any], scene_text: str, *, fresh: bool = False) -> None:
@@ -50,6 +51,7 @@ class OutputFolder:
         self._lock: IO[str] | None = None
         self.stopped = self.complete = self.lost = False
         self.saved: dict[str, Any] | None = None
+        self.gone: list[str] = []
         try:
             self._open(scene_text, fresh)
         except OutputUnusable:
@@ -98,6 +100,7 @@ class OutputFolder:
             # with other cycles or members, or a damaged result, it goes on
             is_same = mark.get("identity") == self.identity
             self.complete = is_same and mark.get("state") == FINISHED and self.saved is not None
+            self.gone = [name for name in mark.get("files", ["steps.csv"]) if not (self.path / name).exists()]
         if not self.complete:
             self._write_mark(RUNNING)
         write_text(self.path / "scene.toml", scene_text)
@@ -117,8 +120,8 @@ class OutputFolder:
             if name != LOCK:
                 (self.path / name).unlink(missing_ok=True)
 
-    def _write_mark(self, state: str) -> None:
-        write_text(self.path / MARK, to_json({"identity": self.identity, "state": state}))
+    def _write_mark(self, state: str, **more: Any) -> None:
+        write_text(self.path / MARK, to_json({"identity": self.identity, "state": state, **more}))
 
     def save(self, document: Mapping[str, Any], rows: Iterable[Mapping[str, Any]]) -> None:
         """Write result.json and steps.csv; each file is replaced atomically."""
@@ -127,7 +130,8 @@ class OutputFolder:
 
     def finish(self) -> None:
         """Mark the run as complete; from now on, the same command prints the saved document."""
-        self._write_mark(FINISHED)
+        kept = [name for name in (*OURS, FIELDS, PATH) if name not in (*FIRST, REPORT) and (self.path / name).exists()]
+        self._write_mark(FINISHED, files=kept)
         self.complete = True
 
     def stop(self, error: type[BaseException]) -> None:

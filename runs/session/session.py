@@ -27,7 +27,7 @@ from runs.process.json_values import Document, to_json
 from runs.process.machine import memory_bytes
 from runs.scene.effects.finite_strain import effect_identity
 from runs.scene.scene_file import Scene
-from runs.session.output_folder import FIELDS, RESULT, OutputFolder
+from runs.session.output_folder import RESULT, OutputFolder
 from runs.session.progress import Progress
 from runs.session.terminal import print_status, waiting
 
@@ -233,8 +233,8 @@ def conduct(
         else:
             with session.reading_saved() if already else contextlib.nullcontext():
                 show(session, document)
-        made = ["steps.csv", FIELDS] if session.plan else ["steps.csv"]
-        gone = ", ".join(name for name in made if not (session.out / name).exists())
+        assert session.folder is not None
+        gone = ", ".join(session.folder.gone)
         again = f"--fresh computes again{', also what was deleted: ' if gone else ''}{gone}"
         shown = f"this run is complete already: its saved result is shown ({again}); it is"
         print_status(f"{shown if already else 'results are'} in {session.out}")

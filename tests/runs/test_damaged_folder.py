@@ -68,6 +68,8 @@ def test_what_a_complete_run_has_lost_is_named(tmp_path: Path, capsys: pytest.Ca
     assert "deleted" not in said() + said()
     (out / "steps.csv").unlink()
     assert "(--fresh computes again, also what was deleted: steps.csv)" in said()
+    (out / "run.log").unlink()
+    assert "deleted: steps.csv, run.log)" in said()
     result = out / "result.json"
     whole = result.read_bytes()
     result.write_bytes(whole[:100])
