@@ -11,7 +11,7 @@ from runs.scene.scene_file import Scene
 from runs.session.session import Options, Session, conduct
 
 DRAWN = 40
-"""Largest number of balls whose pressures are drawn: with more, contacts are too small to be seen."""
+"""Largest number of balls whose pressures are drawn: of more, peak pressures and T."""
 
 
 def solve_scene(scene: Scene, asked: str | None, options: Options) -> None:
@@ -33,6 +33,8 @@ def _compute(session: Session) -> Document | None:
     figures.draw_surface(session.out, session.problem, document["balls"], session.scale)
     if session.solutions and session.problem.size <= DRAWN:
         figures.draw_contacts(session.out, session.solutions[-1], document["balls"], session.scale)
+    elif session.solutions:
+        figures.draw_many(session.out, document["balls"], session.scale)
     session.finish(document["solved"])
     return document
 

@@ -123,6 +123,37 @@ def draw_contacts(folder: Path, solution: Solution, balls: Sequence[Mapping[str,
     save_figure(figure, folder, "surface", ("png",))
 
 
+@look()
+def draw_many(folder: Path, balls: Sequence[Mapping[str, Any]], scale: Scale) -> None:
+    """Write forces.png: many balls from above, their contacts coloured by peak pressure, T as arrows."""
+    from matplotlib.collections import EllipseCollection  # noqa: PLC0415
+
+    length, pressure = scale.units.length, scale.units.pressure
+    window, x = _window(balls, scale), _column(balls, "position") / length.size
+    extent = np.ptp(window, axis=1)
+    window += np.outer(np.maximum(0.2 * extent.max() - extent, 0.0), (-0.5, 0.5))  # of a row
+    force = _column(balls, "tangential_force")
+    largest = float(np.max(np.hypot(*force.T)))
+    figure = blank(8.0, min(7.0 * float(np.divide(*np.ptp(window, axis=1)[::-1])), 12.0) + 0.8)
+    axes = figure.subplots()
+    contact = 2.0 * np.sqrt(_column(balls, "contact_area") / math.pi) / length.size
+    peak = _column(balls, "peak_pressure") / pressure.size
+    shared: dict[str, Any] = {"angles": np.zeros(len(x)), "units": "x", "offsets": x, "transOffset": axes.transData}
+    bodies = 2.0 * _column(balls, "radius") / length.size
+    axes.add_collection(EllipseCollection(bodies, bodies, facecolors="none", edgecolors="0.7", lw=0.5, **shared))
+    drawn = axes.add_collection(EllipseCollection(contact, contact, array=peak, cmap=dark_on_white(), **shared))
+    drawn.set_clim(0.0)
+    figure.colorbar(drawn, ax=axes, label=pressure.heading("peak pressure"), shrink=0.7)
+    words = "T is zero"
+    if largest > 0.0:
+        arrows = force / largest * bodies.max()
+        axes.quiver(*x.T, *arrows.T, angles="xy", scale_units="xy", scale=1.0, color=ORANGE, width=2e-3)
+        words = f"T as arrows, the longest {scale.units.force(largest, 3)}"
+    axes.set(xlim=window[0], ylim=window[1], aspect="equal", xlabel=length.heading("x"), ylabel=length.heading("y"))
+    axes.set_title(f"Contacts from above; {words}{OF_A_CELL * scale.periodic}")
+    save_figure(figure, folder, "forces", ("png",))
+
+
 def _solved_patch(solution: Solution, index: int, ball: Mapping[str, Any]) -> Patch:
     """Return the contact of a ball; the edge of one on a grid of cells is fitted if the fit is good."""
     patch = patch_within(*solution.outline(index), solution.pressure)

@@ -11,6 +11,7 @@ from runs.session.output_folder import PICTURES
 SHOWN = {
     "tangential_force": "Tangential force over the load; where both models ran, its strengthening by finite strain.",
     "surface": "Contact pressure on the layer's surface from above, and a section through the balls.",
+    "forces": "Contacts of many balls from above, coloured by peak pressure, and tangential forces as arrows.",
     "strengthening": "Finite over small strain along the load, separation and attraction case.",
     "parameters": "Strengthening over Poisson's ratio and distance, and the sign of the tangential force.",
     "top_views": "Positions of the balls from above, at the start and later.",

@@ -32,7 +32,7 @@ OURS = (
     MARK, "scene.toml", RESULT, "steps.csv", "strengthening.csv", "run.log", "tangential_force.png",
     "tangential_force.svg", "surface.png", "surface.npz", "top_views.png", "top_views.svg", "distances.png",
     "distances.svg", "structure.csv", "structure_factor.csv", "structure.png", "structure.svg", "evolution.gif",
-    "ensemble.png", "ensemble.svg", REPORT, LOCK,
+    "ensemble.png", "ensemble.svg", "forces.png", REPORT, LOCK,
 )  # fmt: skip
 
 

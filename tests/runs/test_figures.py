@@ -205,6 +205,26 @@ def solve_two(out: Path, places: list[list[float]], more: str = "") -> None:
     solve_scene(read_scene(file), None, Options(False, out, False))
 
 
+@pytest.mark.parametrize("forces", ["as they are", "zero"])
+def test_many_balls_are_drawn_from_above(forces: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[Any] = []
+    monkeypatch.setattr(figures, "save_figure", lambda figure, *_: drawn.append(figure))
+    balls = tuple(Ball((3.0 * i, 2.5 * (i % 2)), radius=1.0) for i in range(7))
+    problem = Problem(Layer(1.0, 0.3, 2.0), balls, Load("approach", (0.1,) * 7))
+    states = [ball.to_dict() for ball in solve_contact(problem, 1e-2).result().balls]
+    if forces == "zero":
+        states = [{**state, "tangential_force": [0.0, 0.0]} for state in states]
+    figures.draw_many(tmp_path, states, Scale.of(problem))
+    axes, _ = drawn[0].axes
+    _, contacts, *arrows = axes.collections
+    assert np.asarray(contacts.get_array()) == pytest.approx([state["peak_pressure"] for state in states])
+    assert len(arrows) == (forces != "zero")
+    assert "T is zero" in axes.get_title("left") or arrows
+    low, high = axes.get_xlim()
+    assert low < -1.0
+    assert high > 19.0
+
+
 def test_a_picture_that_is_stopped_leaves_the_result_and_the_same_command_draws_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
