@@ -151,7 +151,14 @@ def error_lines(balls: Sequence[Mapping[str, Any]]) -> list[str]:
     }
     # below 1e-7 % an estimate is roundoff: such a quantity is prescribed
     known = ", ".join(f"{words} {100.0 * share:.2g} %" for words, share in shares.items() if share > 1e-9)
-    return [f"estimated errors: {known}"] if known else []
+    return [*([f"estimated errors: {known}"] if known else []), *missing_errors(balls)]
+
+
+def missing_errors(balls: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a line on a result of an earlier version, which has errors but none of pressures and areas."""
+    if all("contact_area" in errors for ball in balls if (errors := ball.get("errors"))):
+        return []
+    return ["an earlier version saved this result, without errors of peak pressure and contact area: --fresh has them"]
 
 
 def symbol_of(what: str) -> str:

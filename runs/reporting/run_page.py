@@ -17,7 +17,7 @@ from runs.display.rows import (
     legend_of_line,
     path_rows,
 )
-from runs.display.tables import LARGEST_T, mesh_words, some_balls, symbol_of
+from runs.display.tables import LARGEST_T, mesh_words, missing_errors, some_balls, symbol_of
 from runs.process.files import reading
 from runs.process.json_values import Document
 from runs.reporting.folder import Folder
@@ -67,7 +67,7 @@ def _common(
     return others | {
         "ball": ball,
         "facts": _state(balls, ball, scale, solved) | more | _account(solved),
-        "notes": list(solved["notes"]),
+        "notes": [*solved["notes"], *missing_errors(balls)],
         "balls": rows,
         "which_balls": f"{which}; " if which else "",
         "legend": scale.legend(),
