@@ -65,6 +65,8 @@ def whole(value: object) -> int:
     """Return a whole number."""
     if isinstance(value, bool) or not isinstance(value, int):
         raise fault("must be a whole number")
+    if abs(value) >= 2**63:  # TOML's limit, which Python does not check
+        raise fault("must be a whole number below 2^63")
     return value
 
 

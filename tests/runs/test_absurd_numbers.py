@@ -50,6 +50,8 @@ friction = 0.1
         (SCENE, '"10 mm"', '"1e308 km"', ["[layer] thickness: must be a length below 1.8e308 m"]),
         (SCENE, '"10 mm"', "1" + "0" * 400, ["[layer] thickness: must be a number below 1.8e308"]),
         (SCENE, '"10 mm"', "1" + "0" * 5000, ["is not TOML: Exceeds the limit"]),
+        (DRIFT, "friction = ", "seed = 1" + "0" * 400 + "\nfriction = ", ["seed: must be a whole number below 2^63"]),
+        (DRIFT, 'radius = "8 mm"', "radius = []", ["[balls] radius: needs one value or one per ball (2), got 0"]),
         (SCENE, '"1 MPa"', '"1e200 GPa"', ["[layer] young: must be at most 1e+30 Pa"]),
         (SCENE, '"1 GPa"', "1e-300", ["[substrate] young: must be at least 0.001 Pa, 1e-09 of the layer's"]),
         (SCENE, '"8 mm"', "1e-300", ["[balls] radius: must be at least 1e-30 m, got 1e-300 m; check its unit"]),

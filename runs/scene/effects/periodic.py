@@ -28,7 +28,8 @@ def _faults(table: PeriodicTable, scene: Any) -> list[str]:
     if texts := Periodic(lengths).faults():
         return texts
     radii = scene.balls.radius if isinstance(scene.balls.radius, tuple) else (scene.balls.radius or 0.0,)
-    texts = range_faults({"periodic.lengths": max(lengths)}, "m", max(radii), "the largest ball's radius")
+    largest = max(radii, default=0.0)
+    texts = range_faults({"periodic.lengths": max(lengths)}, "m", largest, "the largest ball's radius")
     if scene.reciprocation.forces == "direct":
         texts.append(
             'reciprocation.forces: [periodic] supports only pair forces; take forces = "pairs" (for '
@@ -40,9 +41,9 @@ def _faults(table: PeriodicTable, scene: Any) -> list[str]:
             "[periodic]: on an elastic half-space, the dents of infinitely many drifting balls add up without limit; "
             f"{remedy}"
         )
-    if min(lengths) < 4.0 * max(radii):
+    if min(lengths) < 4.0 * largest:
         texts.append(
-            f"periodic.lengths: must be at least two diameters, {4.0 * max(radii):g} m, so that no ball touches two "
+            f"periodic.lengths: must be at least two diameters, {4.0 * largest:g} m, so that no ball touches two "
             f"images of another, got {min(lengths):g} m"
         )
     return texts
