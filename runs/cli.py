@@ -188,6 +188,9 @@ def main() -> None:
     from runs.process.exit_codes import run_to_end  # noqa: PLC0415
     from runs.process.forwarding import forward_whole_lines  # noqa: PLC0415
 
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by the caller: the next file opened would take its number
+            setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w", encoding="utf-8"))  # noqa: SIM115
     if not ranks.is_root():
         sys.stdout = sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  (only rank 0 prints)
     elif ranks.launched():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import signal
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from runs.models import MODELS, Run, choose
 from runs.process import exit_codes, signals
 from runs.scene.scene_file import read_scene
 from runs.session.session import Options, Session
-from tests.launch import ROOT, python, thirdbody
+from tests.launch import ROOT, environment, python, thirdbody
 from tests.scenes import thin_pair
 
 SCENES = ROOT / "runs" / "scenes"
@@ -201,6 +202,14 @@ def test_a_dolfinx_that_cannot_be_imported_is_one_sentence(tmp_path: Path) -> No
     assert done.returncode == 1
     assert "numpy.dtype size changed; `thirdbody doctor` names the remedy" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_closed_streams_are_no_failure(closed: str, tmp_path: Path) -> None:
+    command = f'"{sys.executable}" -m runs.cli solve "{LINEAR}" --model point_load --out "{tmp_path / "out"}" {closed}'
+    done = subprocess.run(["sh", "-c", command], cwd=ROOT, env=environment(), check=False, timeout=60.0)
+    assert done.returncode == 0
+    assert json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))["solved"]["converged"]
 
 
 def test_a_closed_pipe_is_an_error_that_python_raises_even_beside_petsc() -> None:
