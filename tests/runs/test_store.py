@@ -90,6 +90,7 @@ BEGUN_AND_KILLED = """
 import os, sys
 from tests.runs.test_store import IDENTITY, OutputFolder, Path
 OutputFolder(Path(sys.argv[1]), IDENTITY, "scene")
+(Path(sys.argv[1]) / ".part.1.a.png").touch()
 os.kill(os.getpid(), 9)
 """
 
@@ -100,6 +101,7 @@ def test_a_run_whose_process_was_killed_is_seen_as_stopped(tmp_path: Path) -> No
     assert read_folder(tmp_path).state == "stopped"
     again = OutputFolder(tmp_path, IDENTITY, "scene")
     assert again.stopped
+    assert not list(tmp_path.glob(".part*"))
     assert read_folder(tmp_path).state == "running"
     again.stop(KeyboardInterrupt)
     again.close()
