@@ -195,5 +195,8 @@ def difference(old: Any, new: Any, where: str = "") -> str:
             if old.get(k) != new.get(k)
         ]
         return ", ".join(parts[:3]) + (", ..." if len(parts) > 3 else "")
-    there, here = (f"a list of {len(value)}" if _is_long(value) else value for value in (old, new))
+    there, here = (
+        f"a list of {len(value)}" if _is_long(value) else "a table" if isinstance(value, dict) else value
+        for value in (old, new)
+    )
     return f"{where.removeprefix('problem.')} is {there} there and {here} here"

@@ -177,4 +177,7 @@ def test_a_run_of_many_other_balls_is_named_by_the_first_of_them() -> None:
     said = difference({"problem": {"balls": balls}}, {"problem": {"balls": larger}})
     assert said.startswith("balls[0].radius is 1.0 there and 2.0 here, balls[1].radius")
     assert len(said) < 200
+    assert difference({"problem": {"balls": balls}}, {"quick": True}) == (
+        "problem is a table there and None here, quick is None there and True here"
+    )
     assert difference({"balls": balls}, {"balls": balls[1:]}) == "balls is a list of 200 there and a list of 199 here"
