@@ -38,7 +38,8 @@ def replacing(target: Path) -> Iterator[Path]:
 
 def write_text(target: Path, text: str) -> None:
     """Write a text file and flush it to the disk; raises `OutputUnusable`."""
-    with replacing(target) as draft, open(draft, "w", encoding="utf-8", newline="") as file:
+    # a name of a file that is no UTF-8 has characters that UTF-8 lacks
+    with replacing(target) as draft, open(draft, "w", encoding="utf-8", errors="replace", newline="") as file:
         file.write(text)
         file.flush()
         os.fsync(file.fileno())

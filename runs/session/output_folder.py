@@ -146,7 +146,7 @@ class OutputFolder:
         """Append lines to run.log, each with a time stamp."""
         stamp = time.strftime("%Y-%m-%d %H:%M:%S")
         try:
-            with open(self.path / "run.log", "a", encoding="utf-8") as log:
+            with open(self.path / "run.log", "a", encoding="utf-8", errors="replace") as log:
                 log.writelines(f"{stamp}  {line}\n" for line in text.splitlines())
         except OSError as error:
             raise OutputUnusable(f"{self.path / 'run.log'}: cannot be written: {error.strerror or error}") from None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -210,6 +211,14 @@ def test_closed_streams_are_no_failure(closed: str, tmp_path: Path) -> None:
     done = subprocess.run(["sh", "-c", command], cwd=ROOT, env=environment(), check=False, timeout=60.0)
     assert done.returncode == 0
     assert json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))["solved"]["converged"]
+
+
+def test_a_folder_whose_name_is_no_text_is_written_and_reported(tmp_path: Path) -> None:
+    out = os.fsencode(tmp_path) + b"/\xff"
+    command = [sys.executable, "-m", "runs.cli"]
+    for words in (["solve", LINEAR, "--model", "point_load", "--out", out], ["report", out]):
+        done = subprocess.run([*command, *words], cwd=ROOT, env=environment(), capture_output=True, check=False)
+        assert done.returncode == 0, done.stderr
 
 
 def test_a_closed_pipe_is_an_error_that_python_raises_even_beside_petsc() -> None:
