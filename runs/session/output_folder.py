@@ -101,8 +101,9 @@ class OutputFolder:
             is_same = mark.get("identity") == self.identity
             self.complete = is_same and mark.get("state") == FINISHED and self.saved is not None
             self.gone = [name for name in mark.get("files", ["steps.csv"]) if not (self.path / name).exists()]
-        for draft in self.path.rglob(f"{DRAFT}*") if locked else ():  # which killed processes left
-            draft.unlink(missing_ok=True)
+        for folder in (self.path, self.fields, self.path / PATH) if locked else ():
+            for draft in folder.glob(f"{DRAFT}*"):  # which killed processes left
+                draft.unlink(missing_ok=True)
         if not self.complete:
             self._write_mark(RUNNING)
         write_text(self.path / "scene.toml", scene_text)
