@@ -148,7 +148,6 @@ def solve_contact(
 def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Report, sample: int | None) -> Solution:
     """Return contacts by polynomials if these converge, else on grids."""
     report(f"{problem.size} ball(s): first guess")
-    best: _Refined | None = None
     guess = first_guess(problem, kernel, seldom(report, "first guess: "))
     if sample is not None or len(guess.touching) > CHECKED:
         try:
@@ -157,16 +156,16 @@ def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Rep
             if problem.size > GRIDDED:
                 on_grids = "" if kernel.cell is not None else f"; up to {GRIDDED} balls are tried on grids as well"
                 raise NotConverged(f"{failed}{on_grids}") from failed
-    if (
-        kernel.cell is not None
-        or wanted < ROUTES_SUFFICE
-        or problem.size > GRID_FIRST
-        or not (is_steep(guess) or np.max(guess.zones.radius) > WIDE * kernel.thickness)
-    ):
-        smooth = _by_polynomials(guess, wanted, report)
-        if isinstance(smooth, Solution):
-            return smooth
-        best = smooth
+    by_grid = kernel.cell is None and wanted >= ROUTES_SUFFICE and problem.size <= GRID_FIRST
+    by_grid = by_grid and (is_steep(guess) or bool(np.max(guess.zones.radius) > WIDE * kernel.thickness))
+    if by_grid:
+        try:
+            return _on_grids(guess, wanted, report, None)
+        except UnsupportedProblem:  # more cells than fit, as for a long body beside small ones
+            pass
+    best = _by_polynomials(guess, wanted, report)
+    if isinstance(best, Solution):
+        return best
     if kernel.cell is None:
         return _on_grids(guess, wanted, report, best)
     if best is not None and min(best.reached, best.settled) <= USABLE:

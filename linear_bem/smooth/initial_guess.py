@@ -15,7 +15,7 @@ from linear_bem.far_field.pairs_and_mesh import FarField, PointInfluence
 from linear_bem.indenter import Cone, Punch, Sphere
 from linear_bem.layer.kernel import LayeredKernel
 from linear_bem.layer.ritz_indentation import estimates
-from linear_bem.load_control import force_groups
+from linear_bem.load_control import deepest, force_groups
 from linear_bem.media import Elastic, Layer
 from linear_bem.problem import Ball, Problem
 from linear_bem.profiles import curvature, height, is_ball, mean_height
@@ -81,15 +81,15 @@ def first_guess(problem: Problem, kernel: LayeredKernel, report: Report = silent
         radii[pressed] = _radii_seen(media, [problem.balls[i] for i in pressed], kind, values[pressed])
         state = _coupled(problem, mutual, estimated_relations(*media, radii), report)
     report("contacts")
-    touching = tuple(np.flatnonzero(state.forces > 0.0).tolist())
+    touching, deep = tuple(np.flatnonzero(state.forces > 0.0).tolist()), deepest(state.approaches)
     zones = []
     contact_radii = estimates(problem.layer, problem.substrate, radii, "normal_force", state.forces)[2]
     for i in touching:
         force, radius = float(state.forces[i]), float(contact_radii[i])
         if isinstance(problem.balls[i].indenter, Sphere):
             radius = _sphere_radius(radius, problem.balls[i].radius)
-        axes, shape = _hertz_axes(problem.balls[i], radius, float(radii[i]))
-        peak = 1.5 * force / (np.pi * radius**2 * np.sqrt(np.prod(shape))) * kernel.singular
+        axes = _within(problem.balls[i], _hertz_axes(problem.balls[i], radius, float(radii[i])), deep)
+        peak = 1.5 * force / (np.pi * abs(np.linalg.det(axes))) * kernel.singular
         zones.append(_hertz_zone(problem.balls[i].position, axes, peak))
     return Start(problem, kernel, touching, stacked(zones), state.approaches)
 
@@ -115,7 +115,7 @@ def light_touch(ball: Ball, place: tuple[float, float], depth: float) -> Zone:
     radius = float(np.sqrt(ball.radius * depth))
     # p0 = 2 a E* / (pi R), and pressures are in units of pi E*
     flat = mean_height(ball, radius) < 0.1 * depth  # as under a punch, whose curvature is 0
-    axes = radius * np.eye(2) if flat else _hertz_axes(ball, radius, ball.radius)[0]
+    axes = radius * np.eye(2) if flat else _hertz_axes(ball, radius, ball.radius)
     return _hertz_zone(place, axes, 2.0 * radius / (np.pi**2 * ball.radius))
 
 
@@ -132,15 +132,22 @@ def _radii_seen(media: Media, balls: Sequence[Ball], kind: str, values: Array) -
     return np.asarray(np.sqrt(low * high))
 
 
-def _hertz_axes(ball: Ball, radius: float, seen: float) -> tuple[Array, Array]:
-    """Return the axes (2, 2) [m] of Hertz's ellipse for a mean radius [m], and their lengths over it.
+def _hertz_axes(ball: Ball, radius: float, seen: float) -> Array:
+    """Return the axes (2, 2) [m] of Hertz's ellipse for a mean radius [m].
 
     ``seen`` is the ball's radius of curvature [m] over the contact. The axes scale nearly with
     curvature^(-2/3) [Johnson 1985, eq. 4.28].
     """
     bend, turn = np.linalg.eigh(curvature(ball, radius))
-    shape = (bend * seen) ** (-2.0 / 3.0)
-    return turn * (radius * shape), shape
+    return np.asarray(turn * (radius * (bend * seen) ** (-2.0 / 3.0)))
+
+
+def _within(ball: Ball, axes: Array, depth: float) -> Array:
+    """Return the axes (2, 2) [m], cut to where the body is lower than twice the ``depth`` [m]: no contact is longer."""
+    share = np.geomspace(1.0, 1e-3, 100)
+    x, y = np.array(ball.position)[:, None, None] + axes[:, :, None] * share
+    with np.errstate(all="ignore"):  # an own profile may have no value beyond its edge
+        return np.asarray(axes * share[np.argmax(height(ball)(x, y) < 2.0 * depth, axis=1)])
 
 
 def _sphere_radius(parabolic: float, radius: float) -> float:

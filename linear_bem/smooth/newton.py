@@ -50,14 +50,15 @@ class Rule:
     def of(cls, zone: Zone, thickness: float, more: int = 0) -> Rule:
         """Return a rule for one zone or many; ``more`` raises the degree.
 
-        Contact radius over layer thickness sets the nodes for the smooth kernel; an ellipse of aspect k has chords
+        Contact radius over layer thickness sets the nodes for the smooth kernel; an ellipse of aspect k^2 has chords
         whose weights converge like ((k - 1)/(k + 1))^directions.
         """
         degree = zone.degree + more
         long, short = np.moveaxis(np.linalg.svd(zone.axes, compute_uv=False), -1, 0)
+        aspect = np.sqrt(long / short)
         rough = int(min(40.0, 3.0 * float(np.max(long)) / thickness))
-        flat = float(np.max((long - short) / (long + short)))
-        directions = int(np.clip(23.0 / -np.log(max(flat, 1e-9)), degree + 6, 300))
+        flat = float(np.max((aspect - 1.0) / (aspect + 1.0)))
+        directions = int(np.clip(degree + 23.0 / -np.log(max(flat, 1e-9)), degree + 6, 300))
         return cls(degree // 2 + 6 + rough, 2 * degree + 6 + 2 * rough, directions, degree // 2 + 5)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -194,28 +195,33 @@ class Zone:
         targets) and (zones, targets, terms); without ``derivative`` the latter has no terms.
         """
         angle = (np.arange(directions) + 0.5) * np.pi / directions
-        cos, sin = np.cos(angle), np.sin(angle)
         beta = (np.arange(along) + 0.5) * np.pi / along
         a = self.axes[..., None]
+        flat = np.sqrt(np.hypot(a[:, 0, 0], a[:, 1, 0]) / np.hypot(a[:, 0, 1], a[:, 1, 1]))
+        cos, sin = np.cos(angle), flat * np.sin(angle)
+        wide = np.hypot(cos, sin)
+        cos, sin = cos / wide, sin / wide
         stretch = np.hypot(a[:, 0, 0] * cos + a[:, 0, 1] * sin, a[:, 1, 0] * cos + a[:, 1, 1] * sin)
-        measure = np.pi / along * np.pi / directions * self.jacobian[:, None] / stretch
-        terms = self.coefficients.shape[1] if derivative else 0
+        measure = np.pi / along * np.pi / directions * self.jacobian[:, None] * flat / (wide**2 * stretch)
+        terms, points = self.coefficients.shape[1] if derivative else 0, xi.shape[1]
         potential, changes = np.empty(xi.shape), np.empty((*xi.shape, terms))
-        for part in self.parts(xi.shape[1] * directions * along * max(1, terms // 8)):
-            x, y = xi[part, :, None], eta[part, :, None]
-            chord = _Chords.through(self[part], x, y, cos, sin)
+        numbers = points * directions * along * max(1, terms // 8)
+        for part, some in product(self.parts(numbers), np.array_split(np.arange(points), numbers // CACHED + 1)):
+            at = part, some
+            x, y, c, s = xi[at][..., None], eta[at][..., None], cos[part, None], sin[part, None]
+            chord = _Chords.through(self[part], x, y, c, s)
             ahead, back = chord.ends()
             half, middle = 0.5 * (ahead + back)[..., None], 0.5 * (ahead - back)[..., None]
             t = middle + half * np.cos(beta)
             weight = half * np.sin(beta) * measure[part, None, :, None]
             p = np.sqrt(np.maximum(chord.squared_pressure(t), 1e-300))
-            potential[part] = np.sum(weight * p, axis=(2, 3))
+            potential[at] = np.sum(weight * p, axis=(2, 3))
             if derivative:
-                u, v = x[..., None] + t * cos[:, None], y[..., None] + t * sin[:, None]
+                u, v = x[..., None] + t * c[..., None], y[..., None] + t * s[..., None]
                 both = [chebyshev(w, self.degree).reshape(self.degree + 1, *x.shape[:2], -1) for w in (u, v)]
                 both[1] *= (0.5 * weight / p).reshape(*x.shape[:2], -1)
                 products = both[0].transpose(1, 2, 0, 3) @ both[1].transpose(1, 2, 3, 0)
-                changes[part] = products[:, :, *exponents(self.degree)]
+                changes[at] = products[:, :, *exponents(self.degree)]
         return potential, changes
 
     def reframed(self, degree: int) -> Zone:

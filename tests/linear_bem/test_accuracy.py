@@ -5,6 +5,7 @@ import linear_bem.grid.contacts
 from linear_bem import Ball, Elastic, Layer, Load, Periodic, Problem, solve, solve_contact
 from linear_bem.grid.contacts import GridContacts
 from linear_bem.smooth import newton
+from linear_bem.smooth.contacts import SmoothContacts
 
 CASES = {
     "paper": (Layer(1.0, 0.48, 1.16), Elastic(1e3, 0.3), 2.66666e-3, 2.0),
@@ -118,3 +119,13 @@ def test_with_one_grid_only_the_difference_of_the_routes_is_the_error_estimate(m
     assert "only one grid fits" in result.solved.notes[0]
     assert np.isfinite(result.balls[0].tangential_force_error)
     assert result.balls[0].tangential_force_error > 0.0
+
+
+def test_polynomials_answer_where_the_grids_of_wide_contacts_do_not_fit(monkeypatch):
+    pair = (Ball((-1.0, 0.0), 1.0, "paraboloid"), Ball((1.0, 0.0), 1.0, "paraboloid"))
+    problem = Problem(Layer(1.0, 0.3, 0.5), pair, Load("approach", (0.15, 0.15)))
+    assert isinstance((by_grid := solve_contact(problem, 1e-2)).contacts, GridContacts)
+    monkeypatch.setattr(linear_bem.grid.contacts, "MOST_CELLS", 100)
+    found = solve_contact(problem, 1e-2)
+    assert isinstance(found.contacts, SmoothContacts)
+    assert found.contacts.normal_forces == pytest.approx(by_grid.contacts.normal_forces, rel=1e-3)

@@ -4,12 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import ellipk
 
 import linear_bem.memory
-from linear_bem import Ball, Elastic, Layer, LayeredKernel, Load, Problem, Punch, solve, solve_contact
+from linear_bem import Ball, Elastic, Ellipsoid, Layer, LayeredKernel, Load, Problem, Punch, solve, solve_contact
 from linear_bem.errors import TooLarge
 from linear_bem.far_field.pairs_and_mesh import FarField
 from linear_bem.lifted_balls import rest, rests
+from linear_bem.profiles import height
+from linear_bem.smooth.initial_guess import first_guess
+from linear_bem.smooth.newton import Rule
+from linear_bem.smooth.polynomials import PARABOLA
+from linear_bem.smooth.zone import Zone
 from tests.linear_bem.sampled_scenes import scattered
 
 
@@ -71,3 +77,23 @@ def test_a_mesh_that_does_not_fit_is_refused_with_its_size(monkeypatch):
     monkeypatch.setattr(linear_bem.memory, "free_memory", lambda: 1e7)
     with pytest.raises(TooLarge, match=r"a mesh of [\d ]+ nodes over 3000 balls needs about 0\.\d+ GB"):
         FarField.of(kernel, places, np.array(0.5), 1e-4)
+
+
+@pytest.mark.parametrize("aspect", [1.0, 30.0, 140.0])
+def test_a_needle_of_a_contact_feels_itself_as_exactly_as_a_round_one(aspect):
+    # Hertz's pressure [Johnson 1985, section 3.3]: its displacement at the centre, and quadratic along every line
+    zone = Zone(np.zeros((1, 2)), np.diag([aspect, 1.0])[None], 2, PARABOLA[None])
+    xi, eta = np.array([[0.0, 0.5, 1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 0.0, 0.5, 1.0]])
+    rule = Rule.of(zone, np.inf)
+    found = zone.half_space(xi, eta, rule.directions, rule.along)[0][0]
+    assert rule.directions < 150
+    assert found[0] == pytest.approx(np.pi * ellipk(1.0 - aspect**-2), rel=1e-9)
+    assert found[[1, 3]] == pytest.approx(0.75 * found[0] + 0.25 * found[[2, 4]], rel=1e-9)
+
+
+@pytest.mark.parametrize("shape", [Ellipsoid((40.0, 1.0, 1.0)), lambda x, y: x**2 / 3200.0 + np.cosh(y) - 1.0])
+def test_the_first_guess_of_a_long_contact_ends_where_its_body_is_high(shape):
+    long = Ball((1.0, 2.0), 40.0, shape)
+    problem = Problem(Layer(1.0, 0.45, 3.0), (long,), Load("approach", (0.1,)))
+    reach = first_guess(problem, LayeredKernel.of(problem)).zones.reach
+    assert height(long)(1.0 + reach, np.full(1, 2.0)) < 0.21
