@@ -63,8 +63,7 @@ def rest(contacts: Contacts, ball: int) -> tuple[float, tuple[float, float]]:
     for _ in range(MOST_STEPS):
         grid = np.linspace(-reach, reach, 7)
         x, y = np.meshgrid(centre[0] + grid, centre[1] + grid)
-        with np.errstate(all="ignore"):  # an own profile may have no value beyond its edge
-            gap = np.nan_to_num(contacts.displacement(x, y) + f(x, y), nan=np.inf, posinf=np.inf)
+        gap = contacts.displacement(x, y) + f(x, y)
         best = np.unravel_index(int(np.argmin(gap)), gap.shape)
         value = min(value, float(gap[best]))
         centre = np.array([x[best], y[best]])

@@ -9,7 +9,7 @@ import numpy as np
 from linear_bem.arrays import Array
 from linear_bem.dual import APEX, slope
 from linear_bem.errors import InvalidProblem
-from linear_bem.indenter import Indenter, Paraboloid, Sphere
+from linear_bem.indenter import WALL, Indenter, Paraboloid, Sphere
 from linear_bem.problem import Ball
 
 Value = TypeVar("Value", float, Array)
@@ -18,28 +18,33 @@ Height = Callable[[Array, Array], Array]
 
 
 def height(ball: Ball) -> Height:
-    """Return the height [m] of a ball's surface above its lowest point, as a function of global x, y [m]."""
+    """Return the height [m] of a ball's surface above its lowest point, as a function of global x, y [m].
+
+    It is `WALL` radii where the body has none: an own profile may give np.nan or np.inf beyond its edge.
+    """
     x0, y0 = ball.position
     body = ball.indenter
-    if isinstance(body, Indenter):
-        return lambda x, y: np.asarray(body.height(x - x0, y - y0))
+    given = body.height if isinstance(body, Indenter) else body
 
-    def custom(x: Array, y: Array) -> Array:
-        values = np.asarray(body(x - x0, y - y0), dtype=float)
+    def found(x: Array, y: Array) -> Array:
+        with np.errstate(all="ignore"):
+            values = np.asarray(given(x - x0, y - y0), dtype=float)
         if values.shape != np.shape(x):
             raise InvalidProblem(
                 f"balls.shape: a profile must return one height per point, shape {np.shape(x)}, got {values.shape}; "
                 "use numpy"
             )
-        return values
+        return np.where(np.isfinite(values), values, WALL * ball.radius)
 
-    apex = float(custom(np.full(1, float(x0)), np.full(1, float(y0)))[0])
+    if isinstance(body, Indenter):
+        return found
+    apex = float(found(np.full(1, float(x0)), np.full(1, float(y0)))[0])
     if not abs(apex) <= APEX * ball.radius:
         raise InvalidProblem(
             f"balls.shape: a profile must be 0 at the ball's axis, that of the ball at {ball.position} is "
             f"{apex:g} m there" + ("; subtract it, and lower the approach by as much" if math.isfinite(apex) else "")
         )
-    return custom
+    return found
 
 
 def gradient(ball: Ball, x: Array, y: Array) -> tuple[Array, Array]:
@@ -66,12 +71,16 @@ def is_ball(ball: Ball) -> bool:
 
 
 def curvature(ball: Ball, scale: float) -> Array:
-    """Return the 2x2 matrix of second differences [1/m] of f at the apex with step ``scale`` [m]."""
+    """Return the 2x2 matrix of second differences [1/m] of f at the apex with step ``scale`` [m], less near an edge."""
     if is_ball(ball):
         return np.eye(2) / ball.radius
-    steps = scale * np.array([-1.0, 0.0, 1.0])
-    x, y = np.meshgrid(ball.position[0] + steps, ball.position[1] + steps, indexing="ij")
-    f = height(ball)(x.ravel(), y.ravel()).reshape(3, 3)
+    steps = np.array([-1.0, 0.0, 1.0])
+    while True:
+        x, y = np.meshgrid(ball.position[0] + scale * steps, ball.position[1] + scale * steps, indexing="ij")
+        f = height(ball)(x.ravel(), y.ravel()).reshape(3, 3)
+        if not np.any(f == WALL * ball.radius):
+            break
+        scale *= 0.7  # to where the body has a height
     xx = f[2, 1] + f[0, 1] - 2.0 * f[1, 1]
     yy = f[1, 2] + f[1, 0] - 2.0 * f[1, 1]
     xy = 0.25 * (f[2, 2] + f[0, 0] - f[2, 0] - f[0, 2])
@@ -102,6 +111,5 @@ def farthest(ball: Ball, axes: Array, depth: float) -> float:
         return float(longest)
     angle = np.arctan2(turn[1, 0], turn[0, 0]) + 2.0 * np.pi * np.arange(64) / 64.0
     r = longest * np.geomspace(1.0, 1e-9, 400)[:, None]
-    with np.errstate(all="ignore"):  # an own profile may have no value beyond its edge
-        low = height(ball)(ball.position[0] + r * np.cos(angle), ball.position[1] + r * np.sin(angle)) < depth
+    low = height(ball)(ball.position[0] + r * np.cos(angle), ball.position[1] + r * np.sin(angle)) < depth
     return float(r[np.argmax(np.any(low, axis=1)), 0])

@@ -146,8 +146,7 @@ def _within(ball: Ball, axes: Array, depth: float) -> Array:
     """Return the axes (2, 2) [m], cut to where the body is lower than twice the ``depth`` [m]: no contact is longer."""
     share = np.geomspace(1.0, 1e-3, 100)
     x, y = np.array(ball.position)[:, None, None] + axes[:, :, None] * share
-    with np.errstate(all="ignore"):  # an own profile may have no value beyond its edge
-        return np.asarray(axes * share[np.argmax(height(ball)(x, y) < 2.0 * depth, axis=1)])
+    return np.asarray(axes * share[np.argmax(height(ball)(x, y) < 2.0 * depth, axis=1)])
 
 
 def _sphere_radius(parabolic: float, radius: float) -> float:

@@ -1,6 +1,7 @@
 """Bodies of one's own: profiles and heights in numpy, their exact slopes and answers, and what they must not be."""
 
 import math
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -251,3 +252,23 @@ def test_a_field_may_not_hide_the_property_of_its_name():
 
         class Hidden(Indenter):
             apex_radius: float
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("approaches", [(0.3, 0.3), (0.3, -0.002)])
+def test_a_profile_without_height_beyond_its_equator_is_the_sphere(approaches):
+    problem = Problem(
+        Layer(1.0, 0.45, 1.0), tuple(Ball((x, 0.0), 1.0) for x in (-1.1, 1.1)), Load("approach", approaches)
+    )
+    own = tuple(replace(ball, shape=lambda x, y: 1.0 - np.sqrt(1.0 - x**2 - y**2)) for ball in problem.balls)
+    for mine, sphere in zip(solve(replace(problem, balls=own), 1e-2).balls, solve(problem, 1e-2).balls, strict=True):
+        assert mine.normal_force == pytest.approx(sphere.normal_force, rel=1e-6)
+        assert mine.tangential_force == pytest.approx(sphere.tangential_force, rel=1e-3, abs=1e-12)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_contact_may_reach_the_edge_beyond_which_its_body_has_no_height():
+    nearly_flat = Ball((0.0, 0.0), 1.0, lambda x, y: np.where(x * x + y * y < 0.09, 1e-3 * (x * x + y * y), np.nan))
+    found = solve(Problem(HALF_SPACE, (nearly_flat,), Load("force", (0.03,))), 1e-2).balls[0]
+    depth = 0.03 / (2.0 * 0.3 * HALF_SPACE.contact_modulus)  # a flat punch, Johnson 1985, section 3.4
+    assert abs(found.approach - depth) < found.errors["approach"] + 1e-3 * 0.3**2
