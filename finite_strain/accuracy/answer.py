@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from finite_strain.accuracy.error_budget import FEW, TERMS, discretisation, enforcement, gain, transfer
+from finite_strain.accuracy.error_budget import FEW, TERMS, discretisation, enforcement, remaining, transfer
 from finite_strain.accuracy.pairs import MEASURED, LinearTruth, Paired, paired, ratio, unpaired, unsure
 from finite_strain.force.distortion import is_resolved
 from finite_strain.geometry.estimates import body_of
@@ -74,7 +74,8 @@ class Answers:
         solver = np.full(len(share), account.tolerance) + (0.0 if truth is None else truth.error)
         size, squared = np.linalg.norm(now.tangential_force, axis=1), _pressed(now, before, "normal_force") ** 2
         none, follows = np.zeros_like(size), _pressed(now, before, self.follows)
-        apart, moved, pulled, pressed = self._changed(account.fraction, now, before, truth)
+        apart, moved, pulled, parted, remains = self._changed(account.fraction, now, before, truth)
+        now = replace(now, force_transfer=np.maximum(now.force_transfer, remains))
         unsure_pull, unsure_force = squared * now.transfer, self._unsure_force(fine, now, truth)
         at_force = np.array([squared * apart, none, unsure_pull, solver])
         both = np.hypot(unsure_pull, 2.0 * size * unsure_force)
@@ -82,8 +83,7 @@ class Answers:
             both = (size + unsure_pull) * (1.0 + unsure_force) ** 2 - size
         missed_force, missed_pull = _missed(fine, truth)
         enforced = none if self.forces_given else 2.0 * MOST * size * share
-        changed = np.maximum(np.hypot(squared * apart, 2.0 * size * pressed), pulled)
-        terms = np.array([changed, enforced, both + missed_pull, solver])
+        terms = np.array([squared * pulled, enforced, both + missed_pull, solver])
         if self.forces_given:
             left, load = share, now.normal_force
             rate = follows / (LEAST * np.maximum(load, max(FAINT * load.max(), 1e-300)))
@@ -100,7 +100,7 @@ class Answers:
         counts = _scale(self.plan, self._per_ball(now.normal_force), self._per_ball(np.linalg.norm(pull, axis=1))) > 0.0
         shown, through = doubt * terms if counts else other, {self.follows: _total(other)}
         if self.plan.problem.load.kind == "total_force":
-            parts = _pressed(now, before, "normal_force") * np.hypot(pressed, unsure_force)
+            parts = _pressed(now, before, "normal_force") * np.hypot(parted, unsure_force)
             through["normal_force"] = parts + missed_force
         through |= self._errors_of_contact(account.fraction, now, before, truth)
         return Answer(
@@ -188,21 +188,47 @@ class Answers:
 
     def _changed(
         self, fraction: float, now: Paired, before: Paired, truth: LinearTruth | None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the discretisation errors (balls,) of T / Q^2 [1/N], of the force or approach, of T [N], and of Q.
+    ) -> tuple[np.ndarray, ...]:
+        """Return the discretisation errors (balls,) of T / Q^2 [1/N], of the force or approach, of T over Q^2, of Q.
 
-        Those of forces and approaches are relative; that of T is of this load alone.
+        The last are the errors of the force or approach that may remain after pairing. Those of forces and approaches
+        are relative. T has a change of its own, because T / Q^2 and Q change together.
         """
-        change = np.linalg.norm(now.per_squared_force - before.per_squared_force, axis=1)
-        moved = np.abs(getattr(now, self.follows) - getattr(before, self.follows))
-        share = ratio(moved, _pressed(now, before, self.follows), empty=0.0)
-        parts = ratio(np.abs(now.normal_force - before.normal_force), _pressed(now, before, "normal_force"))
-        pulled = np.linalg.norm(now.tangential_force - before.tangential_force, axis=1)
+        squared = _pressed(now, before, "normal_force")[:, None] ** 2
+        values = {
+            "ratio": now.per_squared_force - before.per_squared_force,
+            "T": ratio(now.tangential_force - before.tangential_force, squared),
+            "Q": ratio(getattr(now, self.follows) - getattr(before, self.follows), _pressed(now, before, self.follows)),
+            "parts": ratio(now.normal_force - before.normal_force, _pressed(now, before, "normal_force")),
+        }
         if truth is not None and not self.plan.is_paired:  # the error is known
-            change, share, pulled, parts = (np.zeros_like(pulled) for _ in range(4))
-        apart, moved = self._change("R", fraction, change), self._change("Q", fraction, share)
-        pressed = self._change("parts", fraction, parts) if self.forces_given else moved
-        return apart, moved, gain(self.fine.level, self.coarse.level) * pulled, pressed
+            values = {name: np.zeros_like(value) for name, value in values.items()}
+        pull, force = self._known(fraction, truth)
+        apart, pulled = (self._change(name, fraction, values[name], pull) for name in ("ratio", "T"))
+        moved = self._change("Q", fraction, values["Q"], force)
+        parted = self._change("parts", fraction, values["parts"]) if self.forces_given else moved
+        near, _ = self._nearby("Q", fraction, values["Q"], values["Q"])
+        return apart, moved, pulled, parted, remaining(near, force) if force else np.zeros_like(moved)
+
+    def _known(self, fraction: float, truth: LinearTruth | None) -> list[list[np.ndarray]]:
+        """Return the errors of small strain on both discretisations at nearby loads; none where a pair is missing.
+
+        They are those of T / Q^2 (2, balls, 2) and, relative, of the force or approach that is not given (2, balls).
+        """
+        if not self.plan.is_paired:
+            return [[], []]
+        unknown = np.full((2, len(self.plan.reduction.balls), 2), np.nan)
+        errors, rows = [unknown, unknown[:, :, 0]], (self.fine.at(fraction), self.coarse.at(fraction))
+        states = [row.small for row in rows if row is not None and row.small is not None]
+        if truth is not None and len(states) == len(rows):
+            linear, name = ratio(truth.tangential_force, truth.normal_force[:, None] ** 2), self.follows
+            errors = [
+                np.array([state.per_squared_force - linear for state in states]),
+                np.array([ratio(getattr(state, name), getattr(truth, name), empty=1.0) - 1.0 for state in states]),
+            ]
+        names = ("ratio_known", "Q_known")
+        near = [self._nearby(n, fraction, each, np.nan * each)[0] for n, each in zip(names, errors, strict=True)]
+        return [path if np.isfinite(path).all() else [] for path in near]
 
     def _errors_of_contact(
         self, fraction: float, now: Paired, before: Paired, truth: LinearTruth | None
@@ -219,26 +245,33 @@ class Answers:
             errors[name] = value * (np.hypot(self._change(name, fraction, change), getattr(now, left)) + known) + missed
         return errors
 
-    def _change(self, name: str, fraction: float, change: np.ndarray) -> np.ndarray:
-        """Return the discretisation error (balls,) from the changes at nearby loads; store this one for the others.
+    def _change(self, name: str, fraction: float, change: np.ndarray, known: Sequence[np.ndarray] = ()) -> np.ndarray:
+        """Return the discretisation error (balls,) from the changes at nearby loads; store this one for the others."""
+        near, between = self._nearby(name, fraction, change, FEW[1] * change)
+        return discretisation([*near, *between], self.fine.level, self.coarse.level, known)
+
+    def _nearby(
+        self, name: str, fraction: float, value: np.ndarray, missing: np.ndarray
+    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Return the values at nearby loads, and on the line through their neighbours; store this one for the others.
 
         Nearby are smaller loads and, if these are fewer than `ENOUGH`, the next larger ones already solved. If not, the
         line through the changes at the loads on both sides of this one counts too: changes oscillate along the load, so
-        smaller loads alone do not show an amplitude that grows.
+        smaller loads alone do not show an amplitude that grows. ``missing`` is for loads saved without a value.
         """
         path = self.fine.changes.setdefault(name, [])
         loads = [row.own.fraction for row in self.fine.rows]
         place, nearby = loads.index(fraction), self.plan.nearby
-        path += [(FEW[1] * change).tolist()] * (place - len(path))  # where it was saved without this one
-        path[place:] = path[place:] or [change.tolist()]
+        path += [missing.tolist()] * (place - len(path))
+        path[place:] = path[place:] or [value.tolist()]
         first = next(i for i, load in enumerate(loads) if load >= nearby * fraction)
         later = [i for i in range(place + 1, len(path)) if nearby * loads[i] <= fraction]
         near = [*range(first, place + 1), *later[: max(0, ENOUGH - (place + 1 - first))]]
-        changes = [np.array(path[i]) for i in near]
+        between = []
         if later and later[0] not in near:
             share = (fraction - loads[place - 1]) / (loads[later[0]] - loads[place - 1])
-            changes.append((1.0 - share) * np.array(path[place - 1]) + share * np.array(path[later[0]]))
-        return discretisation(changes, self.fine.level, self.coarse.level)
+            between = [(1.0 - share) * np.array(path[place - 1]) + share * np.array(path[later[0]])]
+        return [np.array(path[i]) for i in near], between
 
     def _imbalance(self, forces: np.ndarray, error: np.ndarray) -> tuple[float, float]:
         """Return the size of the sum of T (balls, 2) [N] over the scene, and the factor on all errors (balls,) from it.

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from finite_strain.planning.records import ContactState, Discretisation
+from finite_strain.planning.run_plan import ENOUGH
 
 TERMS = ("discretisation", "enforcement", "transfer", "solver")
 """Names of the rows of an array (terms, balls) of error terms in one unit."""
@@ -30,7 +31,7 @@ FEW = {1: 2.0, 2: 1.27}
 below sin(pi/2 3^(-1/n)) of the amplitude at a third of all loads."""
 
 
-def gain(fine: Discretisation, coarse: Discretisation) -> float:
+def gain(fine: Discretisation, coarse: Discretisation, order: float = SLOWEST) -> float:
     """Return the factor on the change from one discretisation to a finer one that bounds the finer one's error.
 
     If refinement reduces an error by a factor q, it changes by 1 - q of itself, and q / (1 - q) of that change remains.
@@ -39,7 +40,7 @@ def gain(fine: Discretisation, coarse: Discretisation) -> float:
     ratio = fine.resolution / coarse.resolution
     if ratio <= 1.0:
         return 1.0
-    q = ratio**-SLOWEST
+    q = ratio**-order
     return q / (1.0 - q)
 
 
@@ -54,12 +55,43 @@ def transfer(now: np.ndarray, before: np.ndarray, fine: Discretisation, coarse: 
     return np.maximum(now, left * before) if ratio > 1.0 else now
 
 
-def discretisation(path: Sequence[np.ndarray], fine: Discretisation, coarse: Discretisation) -> np.ndarray:
-    """Return the error of a value (balls,) from its changes (balls,) at the nearby loads, the present one included.
+def discretisation(
+    path: Sequence[np.ndarray], fine: Discretisation, coarse: Discretisation, known: Sequence[np.ndarray] = ()
+) -> np.ndarray:
+    """Return the error of a value (balls,) from its changes at the nearby loads, (balls,) or (balls, 2).
 
     A change vanishes by chance at some loads, so the largest counts, times `FEW` if there are one or two.
+
+    ``known``, (2, balls) or (2, balls, 2), are the errors of the small-strain problem on the finer and on the coarser
+    discretisation at the first loads of the path; fewer than `ENOUGH` do not count. The changes have two parts. Their
+    mean over the loads comes from elements away from the contact's edge: deformation is small there, so it converges
+    as the mean of the known errors does, at least like `SLOWEST` and at most like `FASTEST`. The rest oscillates with
+    the edge's position in its element and converges slowly. The mean takes one degree of freedom: n loads count as
+    n - 1 in `FEW`. The sum of the parts is not more than the error if nothing is known of the mean.
     """
-    return np.asarray(FEW.get(len(path), 1.0) * gain(fine, coarse) * np.max(path, axis=0))
+    changes, slowest = _vectors(path, 2), gain(fine, coarse)
+    largest = slowest * _size(changes).max(axis=0)
+    if len(known) < ENOUGH:
+        return np.asarray(FEW.get(len(path), 1.0) * largest)
+    few, mean = FEW.get(len(known) - 1, 1.0), changes[: len(known)].mean(axis=0)
+    now, before = _vectors(known, 3).mean(axis=0)
+    whole, moved = _size(now), _size(now - before)
+    left = np.divide(whole, moved, out=np.full(whole.shape, slowest), where=moved > 0.0)
+    left = np.clip(left, gain(fine, coarse, FASTEST), slowest)
+    return np.minimum(few * largest, left * _size(mean) + few * slowest * _size(changes - mean).max(axis=0))
+
+
+def remaining(path: Sequence[np.ndarray], known: Sequence[np.ndarray]) -> np.ndarray:
+    """Return how much of the known errors of Q or D may remain after pairing (balls,); see `discretisation`.
+
+    The pair removes as much of the errors as of their changes between the discretisations. At low Poisson's ratios
+    this is little: the surface moves inwards, by (1 - 2 nu)(1 + nu) Q / (2 pi E r) on a half-space. So at finite strain
+    other material points lie at the contact's edge than at small strain, and the two errors oscillate out of phase.
+    """
+    now, before = np.moveaxis(_vectors(known, 3), 1, 0)
+    whole, part = _size(now - before).max(axis=0), _size(_vectors(path[: len(known)], 2)).max(axis=0)
+    share = np.divide(part, whole, out=np.ones_like(whole), where=whole > part)
+    return np.asarray(FEW.get(len(known), 1.0) * share * _size(now).max(axis=0))
 
 
 def enforcement(
@@ -91,3 +123,13 @@ def residual(coarse: ContactState, known: np.ndarray | None, accuracy: float, le
         pulls = np.minimum(pulls, np.linalg.norm(known, axis=1))
     counts = max(pulls.min(), 0.01 * pulls.max()) / coarse.normal_force.max()
     return float(np.clip(SHARE * accuracy * counts, least, LOOSE))
+
+
+def _vectors(values: Sequence[np.ndarray], axes: int) -> np.ndarray:
+    """Return the array of the values, with one axis for components after this many axes."""
+    array = np.array(values)
+    return array.reshape(*array.shape[:axes], -1)
+
+
+def _size(vectors: np.ndarray) -> np.ndarray:
+    return np.asarray(np.linalg.norm(vectors, axis=-1))

@@ -157,11 +157,12 @@ class Record:
     """One discretisation of a run: its definition, its results at each load step, and its cost.
 
     ``reached`` is the largest error of T at full load over ``scale`` [N]; ``stopped`` says why it did not reach full
-    load; ``changes`` are the changes (balls,) from the coarser discretisation at the rows: "R" of T / Q^2 [1/N], "Q"
-    of the force or approach that is not prescribed, "parts" of the balls' parts of the forces, "contact_area" and
-    "peak_pressure" (these relative).
-    ``stiffened`` is how often penalties were raised at full
-    load; ``resolved`` is False if elements are nearly inverted there.
+    load; ``changes`` are the changes from the coarser discretisation at the rows: of T / Q^2 ("ratio") and of T over
+    Q^2 ("T"), both (balls, 2) [1/N], of the force or approach that is not prescribed ("Q"), of the balls' parts of the
+    forces ("parts"), "contact_area" and "peak_pressure" (these relative); and the errors of T / Q^2 ("ratio_known") and
+    of that force or approach ("Q_known") of the small-strain problem on both discretisations, nan where they are not
+    known. ``stiffened`` is how often penalties were raised at full load; ``resolved`` is False if elements are nearly
+    inverted there.
     """
 
     level: Discretisation
@@ -170,7 +171,7 @@ class Record:
     finished: bool = False
     rows: list[Row] = field(default_factory=list)
     steps: list[Answer] = field(default_factory=list)
-    changes: dict[str, list[list[float]]] = field(default_factory=dict)
+    changes: dict[str, list[Any]] = field(default_factory=dict)
     terms: dict[str, float] = field(default_factory=dict)
     reached: float = math.nan
     scale: float = math.nan

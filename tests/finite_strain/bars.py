@@ -49,7 +49,7 @@ def rows(name: str, folder: Path, unknowns: float) -> list[dict[str, float | str
         for number, step in enumerate(level["steps"]):
             best = next(s["balls"][0] for s in finest["steps"] if s["record"]["fraction"] == step["record"]["fraction"])
             ball, record = step["balls"][0], step["record"]
-            largest = max(largest, level["changes"]["R"][number][0])
+            largest = max(largest, np.hypot(*level["changes"]["ratio"][number][0]))
             off = [b["tangential_force"][0] / b["normal_force"] ** 2 for b in (ball, best)]
             table.append({
                 "scene": name, "order": level["level"]["order"], "fineness": level["level"]["fineness"],

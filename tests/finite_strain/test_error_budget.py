@@ -20,6 +20,7 @@ from finite_strain.accuracy.error_budget import (
     discretisation,
     enforcement,
     gain,
+    remaining,
     residual,
     transfer,
 )
@@ -89,6 +90,56 @@ def test_the_largest_change_of_nearby_load_steps_counts() -> None:
         assert few == relatively(1.0 / math.sin(0.5 * math.pi * 3.0 ** (-1.0 / number)), 1e-2)
 
 
+KNOWN = [np.array([[0.1], [1.1]])] * 3
+"""Errors of small strain on order 3 and 2: a tenth of their change remains."""
+
+
+def test_the_mean_of_changes_converges_as_at_small_strain_and_the_rest_slowly() -> None:
+    slowest, even, uneven = gain(CUBIC, QUADRATIC), [np.array([0.4])] * 3, [np.array([c]) for c in (0.3, -0.3, 0.0)]
+    assert discretisation(even, CUBIC, QUADRATIC, KNOWN) == relatively([0.1 * 0.4], ROUNDOFF)
+    assert discretisation(uneven, CUBIC, QUADRATIC, KNOWN) == relatively([FEW[2] * slowest * 0.3], ROUNDOFF)
+    both = [a + b for a, b in zip(even, uneven, strict=True)]
+    expected = 0.1 * 0.4 + FEW[2] * slowest * 0.3
+    assert discretisation(both, CUBIC, QUADRATIC, KNOWN) == relatively([expected], ROUNDOFF)
+    along = [np.array([[change.item(), 0.0]]) for change in both]  # of vectors
+    known = [np.array([[[0.1, 0.0]], [[1.1, 0.0]]])] * 3
+    assert discretisation(along, CUBIC, QUADRATIC, known) == relatively([expected], ROUNDOFF)
+    # two loads do not show both parts, and errors of truncation do not converge
+    assert discretisation(even[:2], CUBIC, QUADRATIC, KNOWN[:2]) == relatively([FEW[2] * slowest * 0.4], ROUNDOFF)
+    truncated = [np.array([[1.0], [1.1]])] * 3
+    assert discretisation(even, CUBIC, QUADRATIC, truncated) == relatively([slowest * 0.4], ROUNDOFF)
+    # no more than if nothing were known of the mean, and no less than with the fastest convergence
+    opposite = [np.array([change]) for change in (-0.2, 0.25, 0.25)]
+    assert discretisation(opposite, CUBIC, QUADRATIC, truncated) == relatively([FEW[2] * slowest * 0.25], ROUNDOFF)
+    exact = [np.array([[0.0], [1.1]])] * 3
+    fastest = gain(CUBIC, QUADRATIC, FASTEST)
+    assert discretisation(even, CUBIC, QUADRATIC, exact) == relatively([fastest * 0.4], ROUNDOFF)
+
+
+def test_of_known_errors_as_much_remains_as_of_their_changes() -> None:
+    known = [np.array([[error], [error + 0.01]]) for error in (0.002, -0.004, 0.001)]
+    for change, left in ((0.0, 0.0), (0.005, 0.002), (0.01, 0.004), (0.02, 0.004)):
+        path = [np.array([0.0]), np.array([-change]), np.array([0.0])]
+        assert remaining(path, known) == relatively([left], 1e-9)
+    assert remaining([np.array([0.01])], known[:1]) == relatively([FEW[1] * 0.002], 1e-9)
+
+
+@pytest.mark.parametrize(("own", "least", "most"), [(0.0, 0.01, 0.0131), (0.01, 0.0, 0.003)])
+def test_an_error_of_the_force_that_oscillates_out_of_phase_with_its_pair_remains(
+    own: float, least: float, most: float
+) -> None:
+    answers = Answers(plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
+    truth, loads = linear(1.0, 0.1, (-0.02, 0.0)), (0.8, 0.9, 1.0)
+    for record, wrong in ((answers.coarse, 2.0), (answers.fine, 1.0)):
+        for load in loads:
+            models = (state(1.0 + wrong * off, 0.1, (-0.02, 0.0)) for off in (own, 0.01))
+            record.rows.append(Row(*(replace(model, fraction=load) for model in models)))
+    for load in loads:
+        answers.compare(load, truth)
+    ball = answers.answer(1, ACCOUNT, truth).balls[0]
+    assert least <= ball.errors["normal_force"] / ball.normal_force <= most
+
+
 def at_loads(*fractions: float) -> Answers:
     """Return answers whose finer discretisation has results at some load fractions."""
     answers = Answers(plan_run(pair(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
@@ -135,15 +186,15 @@ def test_the_change_of_the_force_itself_counts_where_both_parts_of_it_have_one_s
     now, before = seen(1.0, 1.0), seen(1.01, 1.01**3)  # 1 % in T / Q^2 and in Q: 3 % in T
     for fraction in (0.8, 0.9):
         answers._changed(fraction, now, now, None)
-    apart, moved, pulled, _ = answers._changed(1.0, now, before, None)
+    apart, moved, pulled, *_ = answers._changed(1.0, now, before, None)
     assert math.hypot(apart[0], 2.0 * moved[0]) < pulled[0]
     assert pulled == relatively([(1.01**3 - 1.0) * gain(CUBIC, QUADRATIC)], ROUNDOFF)
 
 
 def test_a_ball_that_only_the_coarser_discretisation_presses_has_an_error() -> None:
-    _, moved, pulled, _ = at_loads(1.0)._changed(1.0, seen(0.0, 0.0), seen(0.2, 0.01), None)
+    _, moved, pulled, *_ = at_loads(1.0)._changed(1.0, seen(0.0, 0.0), seen(0.2, 0.01), None)
     assert moved == relatively([FEW[1] * gain(CUBIC, QUADRATIC)], ROUNDOFF)
-    assert pulled == relatively([0.01 * gain(CUBIC, QUADRATIC)], ROUNDOFF)
+    assert pulled == relatively([FEW[1] * 0.01 / 0.2**2 * gain(CUBIC, QUADRATIC)], ROUNDOFF)
 
 
 def test_a_load_with_a_known_error_keeps_its_place_among_the_changes() -> None:
@@ -152,7 +203,7 @@ def test_a_load_with_a_known_error_keeps_its_place_among_the_changes() -> None:
     known = SimpleNamespace()
     assert answers._changed(0.5, seen(1.0, 1.0), seen(1.1, 1.0), known)[0] == [0.0]  # type: ignore[arg-type]
     answers._changed(1.0, seen(1.0, 1.0), seen(1.1, 1.0), None)
-    assert [len(path) for path in answers.fine.changes.values()] == [2, 2]
+    assert [len(path) for path in answers.fine.changes.values()] == [2, 2, 2]
 
 
 def test_the_error_of_small_strain_elements_is_all_of_their_known_error() -> None:

@@ -208,7 +208,7 @@ def test_a_run_with_one_answer_compares_its_meshes_at_more_loads(tmp_path: Path)
     ratio = fine["level"]["order"] / 2.0
     assert {len(changes) for changes in fine["changes"].values()} == {3}
     assert {"contact_area", "peak_pressure"} < fine["changes"].keys()
-    largest = np.max(fine["changes"]["R"])
+    largest = np.max(fine["changes"]["ratio"])
     error = largest * result.balls[0].normal_force ** 2 / (ratio**SLOWEST - 1.0)
     term = result.steps[0].record["error_terms"]["discretisation"][0]
     assert error <= term <= 2.0 * error  # and the part of Q
