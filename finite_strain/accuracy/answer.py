@@ -207,6 +207,8 @@ class Answers:
         apart, pulled = (self._change(name, fraction, values[name], pull) for name in ("ratio", "T"))
         moved = self._change("Q", fraction, values["Q"], force)
         parted = self._change("parts", fraction, values["parts"]) if self.forces_given else moved
+        if len(pull) < ENOUGH:  # T may have changed little by chance, where its factors changed oppositely
+            pulled = np.maximum(pulled, np.hypot(apart, 2.0 * np.linalg.norm(now.per_squared_force, axis=1) * parted))
         near, _ = self._nearby("Q", fraction, values["Q"], values["Q"])
         return apart, moved, pulled, parted, remaining(near, force) if force else np.zeros_like(moved)
 

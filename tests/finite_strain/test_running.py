@@ -15,9 +15,10 @@ pytest.importorskip("dolfinx")
 
 import finite_strain
 import linear_bem
-from finite_strain.accuracy.error_budget import LOOSE, SHARE, SLOWEST
+from finite_strain.accuracy.error_budget import LOOSE, SHARE, discretisation
 from finite_strain.output.field_catalogue import CATALOGUE
 from finite_strain.planning.records import NAME, Discretisation
+from finite_strain.planning.refinement import PATH_FINDER
 from finite_strain.planning.run_plan import plan_run
 from linear_bem import Load
 from tests.finite_strain.press import ACCURACY, STEPS
@@ -205,13 +206,12 @@ def test_a_run_with_one_answer_compares_its_meshes_at_more_loads(tmp_path: Path)
     assert [step.record["fraction"] for step in result.steps] == [1.0]
     fine = json.loads((tmp_path / NAME).read_text(encoding="utf-8"))["discretisations"][-1]
     assert [row["own"]["fraction"] for row in fine["rows"]] == relatively([0.6, 0.8, 1.0], 1e-12)
-    ratio = fine["level"]["order"] / 2.0
     assert {len(changes) for changes in fine["changes"].values()} == {3}
     assert {"contact_area", "peak_pressure"} < fine["changes"].keys()
-    largest = np.max(fine["changes"]["ratio"])
-    error = largest * result.balls[0].normal_force ** 2 / (ratio**SLOWEST - 1.0)
+    changes, known = (np.array(fine["changes"][name]) for name in ("T", "ratio_known"))
+    (share,) = discretisation(changes, Discretisation(**fine["level"]), PATH_FINDER, known)
     term = result.steps[0].record["error_terms"]["discretisation"][0]
-    assert error <= term <= 2.0 * error  # and the part of Q
+    assert term == relatively(share * result.balls[0].normal_force ** 2, 1e-9)
 
 
 def test_the_force_of_one_ball_is_known_to_the_accuracy_asked(tmp_path: Path) -> None:
