@@ -162,7 +162,14 @@ class Problem:
         return self if np.array_equal(places, positions) else self.at(places)
 
     def at(self, positions: Array | Sequence[Sequence[float]]) -> Problem:
-        """Return the same bodies under the same load with their axes at ``positions``, shape (balls, 2) [m]."""
+        """Return the same bodies under the same load with their axes at ``positions``, shape (balls, 2) [m].
+
+        Raises `InvalidProblem`.
+        """
+        if np.shape(positions) != (self.size, 2):
+            raise InvalidProblem(
+                f"positions: must have shape ({self.size}, 2), x and y of every ball, got shape {np.shape(positions)}"
+            )
         placed = zip(self.balls, positions, strict=True)
         return replace(self, balls=tuple(replace(ball, position=(float(x), float(y))) for ball, (x, y) in placed))
 

@@ -290,6 +290,19 @@ def test_a_large_ball_among_many_small_ones_is_compared_with_each_once(monkeypat
     assert len(compared) == 400
 
 
+def test_bodies_are_placed_elsewhere_one_place_for_each() -> None:
+    pair = Problem(LAYER, (Ball((-1.0, 0.0), 1.0), Ball((1.0, 0.0), 1.0)), Load("approach", (0.1, 0.2)))
+    there = pair.at(np.array([[0.0, 3.0], [4.0, 0.0]]))
+    assert there == replace(
+        pair, balls=tuple(replace(b, position=p) for b, p in zip(pair.balls, [(0.0, 3.0), (4.0, 0.0)], strict=True))
+    )
+    for places in ([(0.0, 0.0)], [(0.0, 0.0, 0.0), (4.0, 0.0, 0.0)]):
+        with pytest.raises(InvalidProblem, match=r"positions: must have shape \(2, 2\)"):
+            pair.at(places)
+    with pytest.raises(InvalidProblem, match="overlap"):
+        pair.at([(0.0, 0.0), (1.0, 0.0)])
+
+
 def test_the_type_of_every_part_is_checked() -> None:
     assert {"balls", *PARTS} == {part.name for part in fields(Problem)}
 
