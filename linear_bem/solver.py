@@ -121,21 +121,18 @@ def solve_contact(
 
     Loads that `solve` refuses as too deep are solved here, and noted. With ``sample``, the error is judged as for very
     many balls, by a sample of about twice this number. ``on_grids`` solves every contact on a grid, none by polynomials
-    (a second route to the same result); a problem with a periodic cell raises `UnsupportedProblem` then.
+    (a second route to the same result); with a periodic cell or a ``sample`` it raises `UnsupportedProblem`.
     """
     require_supported(problem)
     require_accuracy(accuracy)
     require_sample(sample)
-    if on_grids and problem.periodic is not None:
-        raise UnsupportedProblem("on_grids: contacts on grids have no periodic cell; leave on_grids out")
+    if on_grids and (problem.periodic is not None or sample is not None):
+        raise UnsupportedProblem("on_grids: contacts on grids have no periodic cell and no sample; leave on_grids out")
     begun, report = time.perf_counter(), Timed(report)
     problem = problem.without_empty_layer()
     kernel = LayeredKernel.of(problem)
     require(BYTES * problem.size, f"linear_bem: {problem.size} balls", "take fewer balls or a larger machine")
-    if on_grids:
-        found = _on_grids(first_guess(problem, kernel, report), accuracy, report, None)
-    else:
-        found = _refined(problem.in_cell(), kernel, accuracy, report, sample)
+    found = _refined(problem.in_cell(), kernel, accuracy, report, sample, on_grids=on_grids)
     contacts = found.contacts
     of_error = found.notes or small_force_note(contacts, found.tangential_force_error, accuracy)
     loads = contacts.approaches, contacts.normal_forces, contacts.contact_areas
@@ -145,17 +142,21 @@ def solve_contact(
     return replace(found, problem=problem, notes=notes, seconds=time.perf_counter() - begun)
 
 
-def _refined(problem: Problem, kernel: LayeredKernel, wanted: float, report: Report, sample: int | None) -> Solution:
-    """Return contacts by polynomials if these converge, else on grids."""
+def _refined(
+    problem: Problem, kernel: LayeredKernel, wanted: float, report: Report, sample: int | None, *, on_grids: bool
+) -> Solution:
+    """Return contacts by polynomials if these converge, else, or if asked for, on grids."""
     report(f"{problem.size} ball(s): first guess")
     guess = first_guess(problem, kernel, seldom(report, "first guess: "))
+    if on_grids:
+        return _on_grids(guess, wanted, report, None)
     if sample is not None or len(guess.touching) > CHECKED:
         try:
             return solve_by_sample(guess, wanted, report, sample)
         except NotConverged as failed:
             if problem.size > GRIDDED:
-                on_grids = "" if kernel.cell is not None else f"; up to {GRIDDED} balls are tried on grids as well"
-                raise NotConverged(f"{failed}{on_grids}") from failed
+                tried = "" if kernel.cell is not None else f"; up to {GRIDDED} balls are tried on grids as well"
+                raise NotConverged(f"{failed}{tried}") from failed
     by_grid = kernel.cell is None and wanted >= ROUTES_SUFFICE and problem.size <= GRID_FIRST
     by_grid = by_grid and (is_steep(guess) or bool(np.max(guess.zones.radius) > WIDE * kernel.thickness))
     if by_grid:

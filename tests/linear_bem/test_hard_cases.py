@@ -1,4 +1,5 @@
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -122,10 +123,11 @@ def test_rows_and_blocks_under_a_common_approach_agree_on_grids_and_polynomials(
         assert b.tangential_force == pytest.approx(a.tangential_force, abs=1e-3 * size)
 
 
-def test_grids_alone_are_refused_in_a_cell():
-    cell = Problem(Layer(1.0, 0.48, 1.0), (Ball((0.0, 0.0), 1.0),), Load("approach", (0.1,)), periodic=Periodic((3, 3)))
-    with pytest.raises(UnsupportedProblem, match="on_grids"):
-        solve_contact(cell, on_grids=True)
+def test_grids_alone_are_refused_in_a_cell_and_for_a_sample():
+    one = Problem(Layer(1.0, 0.48, 1.0), (Ball((0.0, 0.0), 1.0),), Load("approach", (0.1,)))
+    for problem, sample in ((replace(one, periodic=Periodic((3, 3))), None), (one, 5)):
+        with pytest.raises(UnsupportedProblem, match="on_grids"):
+            solve_contact(problem, sample=sample, on_grids=True)
 
 
 def test_a_stiff_film_on_a_soft_base_is_solved_on_any_grid():

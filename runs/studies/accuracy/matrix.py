@@ -45,7 +45,7 @@ class GridCase(Case):
 
     def solve(self, run: Run) -> Result:
         """Return the answer."""
-        return solve_contact(self.problem, self.accuracy, on_grids=True).result()
+        return solve_contact(self.problem, self.accuracy, run.report, on_grids=True).result()
 
 
 def cases(quick: bool) -> list[Case]:
