@@ -15,6 +15,7 @@ from linear_bem import (
     Ogden,
     Problem,
 )
+from linear_bem.law import LAWS, Law
 from runs.models import MODELS
 from runs.process.json_values import as_given
 from runs.scene.balls import SHAPE_KEYS
@@ -65,6 +66,16 @@ def test_a_law_takes_its_own_numbers(tmp_path: Path) -> None:
     law = '[finite_strain]\nlaw = "ogden"\nexponents = [1.3, -2]\nweights = [0.9, 0.1]\n'
     problem = read_scene(write(tmp_path, f"{PAIR}{law}")).problem
     assert problem.finite_strain == FiniteStrain(Ogden((1.3, -2.0), (0.9, 0.1)))
+
+
+def test_a_law_without_numbers_is_no_other_law(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Plain(Law):
+        name = "plain"
+
+    monkeypatch.setitem(LAWS, "plain", Plain)
+    effect = read_scene(write(tmp_path, f'{PAIR}[finite_strain]\nlaw = "plain"\n')).problem.finite_strain
+    assert effect is not None
+    assert type(effect.chosen) is Plain
 
 
 @pytest.mark.parametrize(

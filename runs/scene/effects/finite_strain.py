@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from typing import Any
 
-from linear_bem.law import Law, law_of
+from linear_bem.law import Law, NeoHookean, law_of
 from linear_bem.problem import FiniteStrain
 from runs.scene.effects.effect import Effect
 from runs.scene.units import Number, Numbers, Table
@@ -37,7 +37,7 @@ class FiniteStrainTable(Table):
 
 def _part(table: FiniteStrainTable) -> FiniteStrain:
     law, _ = law_of(table.law, table.numbers)  # None in a table with faults, which is not solved
-    return FiniteStrain(law) if law is not None and table.numbers else FiniteStrain()
+    return FiniteStrain() if law in (None, NeoHookean()) else FiniteStrain(law)
 
 
 def effect_identity(effect: FiniteStrain) -> dict[str, Any]:
