@@ -111,14 +111,19 @@ def test_a_run_under_other_settings_is_neither_shown_nor_continued_and_fresh_rep
         def complete(self, *, pictures: bool) -> None:
             row = dict.fromkeys(("cycle", "cluster_mean", "coordination", "nearest_distance_mean", FORCE), 1.0)
             write_csv(self.folder.path / "structure.csv", [row | {"hexatic_local": 0.0}])
-            self.folder.save({"rest": {"at_rest": False}, "solved": dict.fromkeys(SOLVED, 1.0)}, [])
+            self.folder.save({"solved": dict.fromkeys(SOLVED, 0.0)}, [])  # as of a path that was stopped
 
     monkeypatch.setattr(cases, "pair_law", lambda *_, finite: law)
     monkeypatch.setattr(cases, "Evolution", Evolving)
     cases.evolve(case, tmp_path)
     law = dataclasses.replace(law, largest=law.largest * (1.0 + 1e-12))
     cases.evolve(case, tmp_path)
-    assert cases.read(case, tmp_path) is not None
+    stopped = cases.read(case, tmp_path)
+    assert stopped is not None
+    assert stopped.row["ended"] == "interrupted"
+    with monkeypatch.context() as patch:
+        patch.setattr(cases, "FORMAT", cases.FORMAT + 1)
+        assert cases.read(case, tmp_path) is None
     monkeypatch.setattr(cases, "REST", 0.05)
     assert cases.read(case, tmp_path) is None
     with pytest.raises(OutputUnusable, match="holds another run"):

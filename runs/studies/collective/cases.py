@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from linear_bem.arrays import Array
-from runs.evolution.evolving import TABLES, Evolution, open_session
+from runs.evolution.evolving import FORMAT, TABLES, Evolution, open_session
 from runs.evolution.forces import abreast
 from runs.evolution.pair_forces import PairForces
 from runs.evolution.providers import provider
 from runs.models import MODELS
 from runs.process.files import read_csv, read_json, write_text
 from runs.scene.scene_file import read_scene
+from runs.session.output_folder import MARK
 from runs.session.session import Options
 from runs.studies.collective.lattice_waves import Wave, fastest
 from runs.studies.framework.pair import as_seen_by, pair
@@ -233,13 +234,15 @@ class Finished:
 
 
 def read(case: Case, folder: Path) -> Finished | None:
-    """Return a run, complete or not; None if it has not begun under the present settings."""
-    document = read_json(folder / case.name / "result.json")
-    if document is None or not _is_scene(folder / case.name / "scene.toml", _text_of(case)):
+    """Return a run, complete or not; None if it has not begun under the present settings and format."""
+    mark, document = (read_json(folder / case.name / name) for name in (MARK, "result.json"))
+    if document is None or mark is None or mark["identity"]["format"] != FORMAT:
+        return None
+    if not _is_scene(folder / case.name / "scene.toml", _text_of(case)):
         return None
     rows = read_csv(folder / case.name / "structure.csv", float)
     first, last, solved = rows[0], rows[-1], document["solved"]
-    ended = "at rest" if document["rest"]["at_rest"] else "path spent"
+    ended = "at rest" if document.get("rest", {}).get("at_rest") else "path spent"
     row = {
         "h/R": case.thickness,
         "area_fraction": case.fraction,
