@@ -36,8 +36,12 @@ def has_kinks(indenter: Indenter) -> bool:
     """Return whether a height has a kink below its equator: uses a function of `KINKED`, as no ellipsoid does there."""
     if type(indenter) in (Sphere, Ellipsoid):
         return False
-    at = Dual(np.array([0.01 * indenter.apex_radius]), np.ones(1), np.zeros(1))
+    at = Dual(np.array([0.01 * _size(indenter)]), np.ones(1), np.zeros(1))
     return bool(indenter.height(at, at).kinked)
+
+
+def _size(body: Indenter) -> float:
+    return min(body.apex_radius, body.reach)
 
 
 def height_faults(shapes: Iterable[object]) -> list[str]:
@@ -50,7 +54,7 @@ def _faults_of(body: Indenter) -> list[str]:
     name, as_it_is = f"{type(body).__name__}.height", "any function f(x, y): Ball(..., shape=f)"
     if isinstance(body, HeightFunction):
         name, as_it_is = getattr(body.function, "__name__", "f"), "it"
-    aside = np.array([0.01 * body.apex_radius])
+    aside = np.array([0.01 * _size(body)])
     at = Dual(aside, np.ones(1), np.zeros(1))
     other = "another function"
     try:
@@ -82,9 +86,7 @@ def _faults_of(body: Indenter) -> list[str]:
             rule = "must rise from the axis, ever steeper (convex), up to half the radius"
             worst = np.unravel_index(np.argmin(bends), bends.shape)
             return [f"balls.shape: {name} {rule}, got another slope {abs(rays[worst[0], worst[1] + 1]):.3g} m away"]
-    around = (
-        min(body.apex_radius, body.reach) * np.outer((0.01, 0.1), np.exp(2j * np.pi * np.arange(16) / 16.0)).ravel()
-    )
+    around = _size(body) * np.outer((0.01, 0.1), np.exp(2j * np.pi * np.arange(16) / 16.0)).ravel()
     lowest = float(np.min(body.height(around.real, around.imag)))
     if lowest < -APEX * body.apex_radius:
         rule = "must have its lowest point at the axis, from which approaches are measured"
@@ -94,18 +96,19 @@ def _faults_of(body: Indenter) -> list[str]:
 
 def _faults_of_gap(body: Indenter) -> list[str]:
     """Return a message if a user's gap is not that of the height, which the small-strain models use."""
-    near = 0.01 * min(body.apex_radius, body.reach)
+    near = 0.01 * _size(body)
     ring = near * np.exp(2j * np.pi * np.arange(16) / 16.0)
     heights = np.broadcast_to(body.height(ring.real, ring.imag), ring.shape)
     off = np.broadcast_to(body.gap(ring.real, ring.imag, heights), ring.shape)
-    below = float(np.ravel(body.gap(np.zeros(1), np.zeros(1), np.full(1, -near)))[0])
+    step = GAP * near  # small, as a gap need be a distance to first order alone
+    below = float(np.ravel(body.gap(np.zeros(1), np.zeros(1), np.full(1, -step)))[0])
     rule, remedy = f"balls.shape: {type(body).__name__}.gap must be", "return height(x, y) - z, or leave gap out"
     if not np.abs(off).max() <= GAP * (heights.max() + GAP**2 * near):  # heights may be 0
         worst = np.nanargmax(np.abs(off)) if np.isfinite(off).any() else 0
         place = f"at (x, y) = ({ring[worst].real:.3g}, {ring[worst].imag:.3g}) m"
         return [f"{rule} 0 on the surface z = height(x, y), got {off[worst]:.3g} m {place}; {remedy}"]
-    if not abs(below - near) <= GAP * near:
-        return [f"{rule} the distance from the apex, positive below, got {below:.3g} m at {near:.3g} m below; {remedy}"]
+    if not abs(below - step) <= GAP * step:
+        return [f"{rule} the distance from the apex, positive below, got {below:.3g} m at {step:.3g} m below; {remedy}"]
     return []
 
 

@@ -1,5 +1,6 @@
 """The fields that a run can write: names, units, meanings, and the choice among them (without DOLFINx)."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Integral
@@ -82,7 +83,7 @@ def choice_faults(names: Sequence[str], every: int) -> list[str]:
 def outline(ball: ModelBall) -> np.ndarray:
     """Return points (directions, radii, 3) [m] of a body from its apex, in the scene's axes; nan for a named shape.
 
-    A body without an edge ends at the height of the lowest point at its reach; at an edge it may have no height.
+    A body without an edge ends at the height of the lowest point at its reach, one with an edge where it has no height.
     """
     angles = np.linspace(0.0, 2.0 * np.pi, 97)[:, None] + np.pi / 96.0  # none along x: a picture is cut there
     shares = np.sin(0.5 * np.pi * np.linspace(0.0, 1.0, 41))
@@ -90,8 +91,13 @@ def outline(ball: ModelBall) -> np.ndarray:
         return np.full((len(angles), len(shares), 3), np.nan)
     body, ways = body_of(ball), np.exp(1j * angles)
     reach = (1.0 - TINY) * ball.reach
-    level = float(np.min(body.height(reach * ways.real, reach * ways.imag)))
-    edge = [[body.half_width(way.real, way.imag) or section_edge(body, level, way, ball.reach)] for way in ways[:, 0]]
+    with np.errstate(all="ignore"):  # an oval body with an edge has no height at its reach
+        level = float(np.min(body.height(reach * ways.real, reach * ways.imag)))
+    widths = [body.half_width(way.real, way.imag) for way in ways[:, 0]]
+    edge = [
+        [section_edge(body, math.inf if width else level, way, width or ball.reach)]
+        for way, width in zip(ways[:, 0], widths, strict=True)
+    ]
     points = (1.0 - TINY) * np.array(edge) * shares * ways
     x, y = points.real, points.imag
     return np.stack([x, y, np.broadcast_to(body.height(x, y), x.shape)], axis=2)

@@ -22,7 +22,7 @@ from finite_strain.force.contact_area import contact_areas
 from finite_strain.force.contact_pressure import Extremes
 from finite_strain.geometry.estimates import radius_seen
 from finite_strain.observer import Silence
-from finite_strain.output.field_catalogue import FieldChoice
+from finite_strain.output.field_catalogue import FieldChoice, outline
 from finite_strain.output.field_writer import FieldWriter
 from finite_strain.refinement_loop import Refinement
 from linear_bem import InvalidProblem, UnsupportedProblem, solve
@@ -234,7 +234,9 @@ def test_a_body_with_an_edge_may_have_no_height_beside_its_shorter_axis() -> Non
     for approach, tolerance in ((0.1, 1e-9), (0.9, 0.06)):  # or the last point in the search that has a height
         seen = radius_seen(Ellipsoid((1.0, 0.8, 1.0)), approach)
         assert radius_seen(OvalDome(), approach) == pytest.approx(seen, rel=tolerance)
-    assert coarse_plan(pair(0.1, shape=OvalDome())).reduction.planes == (0, 1)
+    plan = coarse_plan(pair(0.1, shape=OvalDome()))
+    assert plan.reduction.planes == (0, 1)
+    assert 0.9 < outline(plan.reduction.balls[0])[..., 2].max() < 1.0
 
 
 def test_the_written_gap_is_infinite_where_no_body_has_a_height(tmp_path: Path) -> None:

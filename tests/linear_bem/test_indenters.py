@@ -1,7 +1,6 @@
 """Indenters against Sneddon's integrals, Hertz's ellipse, and their own derivatives and gaps."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from linear_bem import (
     ContactSequence,
     Elastic,
     Ellipsoid,
-    Indenter,
     InvalidProblem,
     Layer,
     Load,
@@ -288,76 +286,3 @@ def test_a_pointed_own_profile_is_said_to_have_no_peak_pressure() -> None:
     ):
         problem = Problem(HALF_SPACE, (Ball((0.0, 0.0), 1.0, profile),), Load("approach", (0.1,)))
         assert any("peak pressure has no limit" in note for note in solve(problem, 1e-2).solved.notes) == is_pointed
-
-
-@dataclass(frozen=True)
-class Trough(Indenter):
-    """A body with two curvatures, turned about its axis."""
-
-    across: float
-    turn: float
-    ratios = ("turn",)
-    apex_radius = 1.0
-
-    def height(self, x, y):
-        c, s = math.cos(self.turn), math.sin(self.turn)
-        return (c * x + s * y) ** 2 / (2.0 * self.across) + (c * y - s * x) ** 2 / 2.0
-
-
-def test_fields_of_an_own_body_that_are_no_lengths_may_be_any_finite_numbers():
-    load = Load("approach", (0.02,))
-    ahead, back, level = (single(Trough(0.5, turn), load).normal_force for turn in (0.4, -0.4, 0))
-    assert ahead == pytest.approx(level, rel=1e-4)
-    assert back == pytest.approx(ahead, rel=1e-9)
-    with pytest.raises(InvalidProblem, match=r"^balls\.turn: must be a finite number, got nan$"):
-        Trough(0.5, math.nan)
-    with pytest.raises(
-        InvalidProblem, match=r"^balls\.across: must be greater .* got -0\.5 m; name a field that is no l"
-    ):
-        Trough(-0.5, 0.4)
-
-
-class Bowl(Indenter):
-    apex_radius = 1.0
-
-    def height(self, x, y):
-        return (x**2 + y**2) / 2.0
-
-
-def gap_of(function):
-    return type("Gapped", (Bowl,), {"gap": lambda self, x, y, z: function(x**2 + y**2, z)})()
-
-
-@pytest.mark.parametrize(
-    ("body", "words"),
-    [
-        (
-            gap_of(lambda r2, z: z - r2 / 2.0),
-            r"Gapped\.gap must be the distance .* below, got -0\.01 m",
-        ),
-        (
-            gap_of(lambda r2, z: r2 - 2.0 * z),
-            r"Gapped\.gap must be the distance .* got 0\.02 m at 0\.01 m",
-        ),
-        (gap_of(lambda r2, z: r2 / 2.2 - z), r"Gapped\.gap must be 0 on the surface .* or leave gap out"),
-        (type("Endless", (Bowl,), {"reach": -1.0})(), r"^balls\.shape: Endless\.reach must be a .* than 0, got -1\.0$"),
-        (type("Worded", (Bowl,), {"apex_radius": "1"})(), r"^balls\.shape: Worded\.apex_radius must be .*, got '1'$"),
-    ],
-)
-def test_an_own_body_that_contradicts_itself_is_refused_once(body, words):
-    balls = tuple(Ball((x, 0.0), 1.0, body) for x in (-2.0, 2.0))
-    with pytest.raises(InvalidProblem, match=words) as found:
-        Problem(HALF_SPACE, balls, Load("approach", (0.1, 0.1)))
-    assert len(found.value.faults) == 1
-
-
-@pytest.mark.parametrize("name", ["sphere", "closest point"])
-def test_an_own_gap_may_be_any_distance_from_the_surface_of_the_height(name):
-    gaps = {
-        "sphere": lambda r2, z: (r2 + (z - 1.0) ** 2) ** 0.5 - 1.0 + 0.0 * z,
-        "closest point": lambda r2, z: (r2 / 2.0 - z) / (1.0 + r2) ** 0.5,
-    }
-    body = gap_of(gaps[name])
-    if name == "sphere":
-        body = type("Own", (type(body),), {"height": Sphere(1.0).height})()
-    Problem(HALF_SPACE, (Ball((0.0, 0.0), shape=body),), Load("approach", (0.1,)))
