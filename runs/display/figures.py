@@ -132,24 +132,25 @@ def draw_many(folder: Path, balls: Sequence[Mapping[str, Any]], scale: Scale) ->
     window, x = _window(balls, scale), _column(balls, "position") / length.size
     extent = np.ptp(window, axis=1)
     window += np.outer(np.maximum(0.2 * extent.max() - extent, 0.0), (-0.5, 0.5))  # of a row
-    force = _column(balls, "tangential_force")
+    force, bodies = _column(balls, "tangential_force"), 2.0 * _column(balls, "radius") / length.size
     largest = float(np.max(np.hypot(*force.T)))
-    figure = blank(8.0, min(7.0 * float(np.divide(*np.ptp(window, axis=1)[::-1])), 12.0) + 0.8)
+    arrows = force / (largest or 1.0) * bodies.max()
+    tips = x + 1.05 * arrows
+    window[:, 0], window[:, 1] = np.minimum(window[:, 0], tips.min(axis=0)), np.maximum(window[:, 1], tips.max(axis=0))
+    figure = blank(8.0, min(6.2 * float(np.divide(*np.ptp(window, axis=1)[::-1])), 12.0) + 0.9)
     axes = figure.subplots()
     contact = 2.0 * np.sqrt(_column(balls, "contact_area") / math.pi) / length.size
     peak = _column(balls, "peak_pressure") / pressure.size
     shared: dict[str, Any] = {"angles": np.zeros(len(x)), "units": "x", "offsets": x, "transOffset": axes.transData}
-    bodies = 2.0 * _column(balls, "radius") / length.size
     axes.add_collection(EllipseCollection(bodies, bodies, facecolors="none", edgecolors="0.7", lw=0.5, **shared))
     drawn = axes.add_collection(EllipseCollection(contact, contact, array=peak, cmap=dark_on_white(), **shared))
     drawn.set_clim(0.0)
     figure.colorbar(drawn, ax=axes, label=pressure.heading("peak pressure"), shrink=0.7)
     words = "T is zero"
     if largest > 0.0:
-        arrows = force / largest * bodies.max()
         axes.quiver(*x.T, *arrows.T, angles="xy", scale_units="xy", scale=1.0, color=ORANGE, width=2e-3)
         words = f"T as arrows, the longest {scale.units.force(largest, 3)}"
-    axes.set(xlim=window[0], ylim=window[1], aspect="equal", xlabel=length.heading("x"), ylabel=length.heading("y"))
+    axes.set(xlim=window[0], ylim=window[1], aspect="equal", xlabel=length.heading("$x$"), ylabel=length.heading("$y$"))
     axes.set_title(f"Contacts from above; {words}{OF_A_CELL * scale.periodic}")
     save_figure(figure, folder, "forces", ("png",))
 

@@ -223,6 +223,9 @@ def test_many_balls_are_drawn_from_above(forces: str, tmp_path: Path, monkeypatc
     low, high = axes.get_xlim()
     assert low < -1.0
     assert high > 19.0
+    for arrow in arrows:
+        tips = arrow.XY + np.column_stack([arrow.U, arrow.V])
+        assert low < tips[:, 0].min() < tips[:, 0].max() < high
 
 
 def test_a_picture_that_is_stopped_leaves_the_result_and_the_same_command_draws_it(
