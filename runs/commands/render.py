@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from linear_bem.errors import InvalidProblem, MissingDependency, OutputUnusable
+from linear_bem.errors import InvalidProblem, MissingDependency
 from runs.commands.doctor import INSTALL_PICTURES
 from runs.display.numbers import number
 from runs.pictures import sheet
@@ -19,6 +19,7 @@ from runs.pictures.drawing import VIEWS, Camera, Window, draw, in_line
 from runs.pictures.whole_model import FOLDER, write_whole
 from runs.pictures.written_step import WrittenStep, read_step, step_files
 from runs.process import ranks
+from runs.process.files import make_folder
 from runs.session.output_folder import PICTURES
 from runs.session.terminal import print_status
 
@@ -48,10 +49,7 @@ def render_run(
         raise InvalidProblem(f"--step {last}: {run} holds steps {', '.join(map(str, sorted(files)))}")
     _check_vtk()
     out = out or run / PICTURES
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputUnusable(f"{out}: cannot be made: {error.strerror or error}; name another --out") from None
+    make_folder(out)
     shown = _Shown(in_line(read_step(files[last], last, field)), field)
     made = list[Path]()
 

@@ -36,6 +36,14 @@ def replacing(target: Path) -> Iterator[Path]:
             draft.unlink()
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder for ``--out`` and the folders above it; raises `OutputUnusable`."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputUnusable(f"{folder}: cannot be made: {error.strerror or error}; name another --out") from None
+
+
 def write_text(target: Path, text: str) -> None:
     """Write a text file and flush it to the disk; raises `OutputUnusable`."""
     # a name of a file that is no UTF-8 has characters that UTF-8 lacks

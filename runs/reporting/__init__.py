@@ -1,18 +1,19 @@
 """The command ``report``: one self-contained HTML page for the folder of a run or a study, readable offline."""
 
+import contextlib
 import importlib.metadata
 import tomllib
 from pathlib import Path
 from typing import Any
 
 from runs.process import ranks
-from runs.process.files import write_text
+from runs.process.files import make_folder, reading, write_text
 from runs.process.locks import RUNNING, STOPPED
 from runs.reporting import run_page, study_page
 from runs.reporting.folder import Folder, read_folder
 from runs.reporting.markup import render
 from runs.reporting.pictures import figure, pictures_of
-from runs.session.output_folder import FAILED, INTERRUPTED, REPORT
+from runs.session.output_folder import FAILED, INTERRUPTED, REPORT, RESULT
 from runs.session.terminal import print_status
 
 STYLE = Path(__file__).with_name("report.css")
@@ -39,14 +40,23 @@ def report_folder(path: Path, out: Path | None) -> None:
     """
     if not ranks.is_root():
         return
-    target = out or path / REPORT
-    write_text(target, page_of(read_folder(path)))
+    target, page = out or path / REPORT, page_of(read_folder(path))
+    make_folder(target.parent)
+    write_text(target, page)
     print_status(f"the report is {target} ({max(target.stat().st_size / 1e6, 0.01):.2g} MB, self-contained)")
 
 
 def page_of(folder: Folder) -> str:
-    """Return the page as HTML that refers to no other file and not to the network."""
+    """Return the page as HTML that refers to no other file and not to the network.
+
+    Raises `OutputUnusable` if a key of a run's result is missing or wrong.
+    """
     is_study = folder.command == "study"
+    with contextlib.nullcontext() if is_study else reading(folder.path / RESULT):
+        return _page_of(folder, is_study)
+
+
+def _page_of(folder: Folder, is_study: bool) -> str:
     # older versions always marked a study as running
     unfinished = "" if is_study and folder.state == RUNNING else UNFINISHED.get(folder.state, "")
     pictures = pictures_of(folder.path)

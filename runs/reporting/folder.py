@@ -80,7 +80,7 @@ def read_folder(path: Path) -> Folder:
     except FileNotFoundError:
         document = {}
     except ValueError as error:
-        raise OutputUnusable(f"{path / 'result.json'}: is not JSON ({error}); run the same command again") from None
+        raise OutputUnusable(f"{path / RESULT}: is not JSON ({error}); run the same command again") from None
     return Folder(
         path, identity, seen(state, path / LOCK), document, _text(path / "scene.toml"), _text(path / "run.log")
     )

@@ -18,12 +18,11 @@ from runs.display.rows import (
     path_rows,
 )
 from runs.display.tables import LARGEST_T, mesh_words, missing_errors, some_balls, symbol_of
-from runs.process.files import reading
 from runs.process.json_values import Document
 from runs.reporting.folder import Folder
 from runs.scene.scene_file import Tables
 from runs.scene.units import Unit
-from runs.session.output_folder import FINISHED, RESULT
+from runs.session.output_folder import FINISHED
 
 SHOWN_ELSEWHERE = ("scene", "solved", "balls", "steps", "path", "continuation", "sentences")
 """Keys of a document that the page shows in other parts or in figures."""
@@ -47,15 +46,11 @@ def scale_of(folder: Folder) -> Scale:
 
 
 def content(folder: Folder) -> dict[str, Any]:
-    """Return the page's contents for a solved or evolved scene or a comparison; empty before the first ones.
-
-    Raises `OutputUnusable` if a key is missing or wrong.
-    """
+    """Return the page's contents for a solved or evolved scene or a comparison; empty before the first ones."""
     document = folder.document
     if not document and folder.state != FINISHED:
         return {}
-    with reading(folder.path / RESULT):
-        return (_comparison if folder.command == "compare" else _solution)(folder, document)
+    return (_comparison if folder.command == "compare" else _solution)(folder, document)
 
 
 def _common(

@@ -6,6 +6,7 @@ import dataclasses
 import html
 import json
 import re
+import shutil
 import subprocess
 from collections import Counter
 from html.parser import HTMLParser
@@ -17,11 +18,11 @@ from PIL import Image
 
 from linear_bem.errors import OutputUnusable
 from runs.commands.solve import solve_scene
-from runs.reporting import page_of
+from runs.reporting import page_of, report_folder
 from runs.reporting.folder import Folder, read_folder
 from runs.reporting.pictures import figure, pictures_of, said_of
 from runs.scene.scene_file import read_scene
-from runs.session.output_folder import MARK
+from runs.session.output_folder import MARK, RESULT
 from runs.session.session import Options
 from tests.launch import ROOT, STAND_IN, headless_browser, thirdbody
 
@@ -205,6 +206,23 @@ def test_a_damaged_file_of_a_run_is_named(tmp_path: Path) -> None:
     (tmp_path / "run.log").write_bytes(b"\xff")
     with pytest.raises(OutputUnusable, match=r"run\.log: cannot be read as text"):
         read_folder(tmp_path)
+
+
+def test_an_edited_comparison_is_named_and_a_page_may_go_into_a_new_folder(
+    runs: dict[str, Path], tmp_path: Path
+) -> None:
+    out = tmp_path / "new" / "folder" / "page.html"
+    report_folder(runs["compare"], out)
+    assert out.read_text(encoding="utf-8") == (runs["compare"] / "report.html").read_text(encoding="utf-8")
+    with pytest.raises(OutputUnusable, match=r"cannot be made: .*; name another --out"):
+        report_folder(runs["compare"], out / "page.html")
+    folder = shutil.copytree(runs["compare"], tmp_path / "edited")
+    document = json.loads((folder / RESULT).read_text(encoding="utf-8"))
+    first = document["comparison"][0]
+    first |= {key: str(value) for key, value in first.items() if key.startswith("strengthening")}
+    (folder / RESULT).write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(OutputUnusable, match=r"result\.json: has a wrong value .*edited.*--fresh"):
+        report_folder(folder, None)
 
 
 def test_two_figures_of_one_page_do_not_share_names(tmp_path: Path) -> None:
