@@ -49,8 +49,7 @@ def run_to_end(task: Callable[[], int | None]) -> NoReturn:
 def _verdict(error: BaseException) -> tuple[int, str]:
     if signals.received() or isinstance(error, KeyboardInterrupt):
         code = 128 + (signals.received() or signal.SIGINT)
-        saves = sys.argv[1:2] == ["study"] or signals.resumable
-        kept = "; finished steps are saved, and the same command continues from there" if saves else ""
+        kept = "; finished steps are saved, and the same command continues from there" if signals.resumable else ""
         return code, f"thirdbody: stopped{kept}"
     if isinstance(error, SystemExit):
         return (error.code if isinstance(error.code, int) else 1), ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import json
 import os
 import signal
@@ -15,10 +16,12 @@ import pytest
 
 from linear_bem.errors import UnsupportedProblem
 from linear_bem.result import Result
+from runs import studies
 from runs.models import MODELS, Run, choose
 from runs.process import exit_codes, signals
 from runs.scene.scene_file import read_scene
 from runs.session.session import Options, Session
+from runs.studies.framework.study import run as run_study
 from tests.launch import ROOT, environment, python, thirdbody
 from tests.scenes import thin_pair
 
@@ -234,17 +237,26 @@ def test_a_closed_pipe_is_an_error_that_python_raises_even_beside_petsc() -> Non
 
 @pytest.mark.parametrize(
     ("command", "load_steps", "saves"),
-    [("plan", "", False), ("solve", "", False), ("solve", "steps = [1e-3, 2.66666e-3]", True), ("study", "", True)],
-)
+    [
+        ("plan", "", False), ("solve", "", False), ("solve", "steps = [1e-3, 2.66666e-3]", True),
+        ("study figures", "", True), ("study effects", "", False), ("study benchmarks", "", False),
+    ],
+)  # fmt: skip
 def test_an_interrupted_command_speaks_of_saved_steps_where_it_saves_any(
     command: str, load_steps: str, saves: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["thirdbody", command, "scene.toml"])
+    def stop(*given: object) -> None:
+        raise KeyboardInterrupt
+
     monkeypatch.setattr(signals, "resumable", False)
     if command == "solve":
         scene = tmp_path / "scene.toml"
         scene.write_text((ROOT / LINEAR).read_text(encoding="utf-8").replace("[load]", f"[load]\n{load_steps}"))
         Session("solve", read_scene(scene), "linear_bem", Options(out=tmp_path / "out")).__exit__(None, None, None)
+    elif command.startswith("study"):
+        study = importlib.import_module(f"runs.studies.{command.split()[1]}.answer").STUDY
+        with pytest.raises(KeyboardInterrupt):
+            run_study(dataclasses.replace(study, compute=stop), studies.Options(out=tmp_path / "out"))
     code, words = exit_codes._verdict(KeyboardInterrupt())
     assert code == 128 + signal.SIGINT
     assert ("finished steps are saved" in words) == saves

@@ -69,4 +69,4 @@ def _versions() -> list[str]:
     return found
 
 
-STUDY = Study("benchmarks", compute, page, text="benchmarks.md")
+STUDY = Study("benchmarks", compute, page, text="benchmarks.md", resumable=False)

@@ -83,4 +83,4 @@ def _listed(names: str) -> str:
     return ", ".join(f"`{word}`" for word in words[:LISTED]) + more or "-"
 
 
-STUDY = Study("effects", compute, page, text="effects.md")
+STUDY = Study("effects", compute, page, text="effects.md", resumable=False)

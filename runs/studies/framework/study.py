@@ -40,10 +40,13 @@ class Study:
     """File of the output folder with the page."""
     saves: str = f"{CASES}/*"
     """Pattern of files that identify an unmarked folder as the study's."""
+    resumable: bool = True
+    """Whether ``compute`` uses what an interrupted run has saved."""
 
 
 def run(study: Study, options: Options) -> None:
     """Compute the missing answers, then make the page; raises `OutputUnusable`."""
+    signals.resumable = study.resumable
     folder = options.out or Path("out") / f"study-{study.name}{'-quick' if options.quick else ''}"
     identity = {"command": "study", "study": study.name, "quick": options.quick}
     if ranks.is_root():  # before MPI starts, so that an unusable folder ends the run at once
