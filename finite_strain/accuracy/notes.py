@@ -40,7 +40,7 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
     notes, last = form_notes(plan.problem) + softening(plan.problem), record.steps[-1]
     bounds = [(math.hypot(*ball.tangential_force), ball) for ball in last.balls]
     if is_near_zero(record) and record.scale > 0.0:
-        known = dict.fromkeys(f"{100 * b.tangential_force_error / size:.2g} %" for size, b in bounds if size > 0.0)
+        known = dict.fromkeys(_percent(b.tangential_force_error / size) for size, b in bounds if size > 0.0)
         notes.append(
             f"T is smaller than {record.scale:.3g} N, {NEAR_ZERO}, to which its accuracy refers"
             + (f"; relative to T itself its error is {', '.join(known)}" if known else "")
@@ -60,7 +60,7 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
     found = [(i, abs(getattr(b, follows)), b.errors.get(follows, 0.0)) for i, b in enumerate(last.balls)]
     unknown = {i: error / value for i, value, error in found if 0.0 < HALF * value < error}
     if unknown and record.scale > 0.0:
-        which, shares = ", ".join(map(str, unknown)), dict.fromkeys(f"{100 * each:.2g} %" for each in unknown.values())
+        which, shares = ", ".join(map(str, unknown)), dict.fromkeys(map(_percent, unknown.values()))
         notes.append(
             f"the {follows.replace('_', ' ')} of ball {which} is not resolved: its error is {', '.join(shares)}"
         )
@@ -111,3 +111,7 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
     if budget.seconds is not None and seconds > budget.seconds:
         notes.append(f"the discretisations took {seconds:.0f} s, more than the budget of {budget.seconds:g} s")
     return notes
+
+
+def _percent(share: float) -> str:
+    return f"{float(f'{100 * share:.2g}'):g} %"
