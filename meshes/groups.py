@@ -37,8 +37,11 @@ def number_groups(file: Path) -> None:
         return
     model.removePhysicalGroups()
     other = 1 + max(*TAGS.values(), *(tag for _, tag, _, _ in found))
+    joined: dict[tuple[int, int], list[int]] = {}  # the parts of "Top" and "top"
     for number, (dimension, _, name, part) in enumerate(found):
-        model.addPhysicalGroup(dimension, part, TAGS.get(name, other + number))
+        joined.setdefault((dimension, TAGS.get(name, other + number)), []).extend(part)
+    for (dimension, tag), part in joined.items():
+        model.addPhysicalGroup(dimension, part, tag)
 
 
 def _require_cells(file: Path, groups: Sequence[tuple[int, int, str, list[int]]]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -339,14 +340,18 @@ def test_cells_curved_by_more_than_order_2_are_refused(tmp_path: Path) -> None:
 def test_groups_of_a_file_are_known_by_name(written: Callable[[str], str], tmp_path: Path) -> None:
     path = tmp_path / "own.msh"
     with gmsh_session():
-        gmsh.model.occ.addBox(0.0, 0.0, -1.0, 2.0, 2.0, 1.0)
+        parts = [(3, gmsh.model.occ.addBox(x, 0.0, -1.0, 1.0, 2.0, 1.0)) for x in (0.0, 1.0)]
+        gmsh.model.occ.fragment(parts[:1], parts[1:])
         gmsh.model.occ.synchronize()
-        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [1]), written("layer"))
-        heights = {gmsh.model.getBoundingBox(2, tag)[2::3]: tag for _, tag in gmsh.model.getEntities(2)}
-        for (low, high), tag in heights.items():
-            if high - low < 0.5:  # neither of the two has its number in `TAGS`
-                group = gmsh.model.addPhysicalGroup(2, [tag])
-                gmsh.model.setPhysicalName(2, group, written("top" if high > -0.5 else "bottom"))
+        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [1, 2]), written("layer"))
+        groups = defaultdict(list)
+        for _, tag in gmsh.model.getEntities(2):
+            x, _, z = gmsh.model.occ.getCenterOfMass(2, tag)
+            if abs(z + 0.5) > 0.4:
+                name = "top" if z > -0.5 else "bottom"
+                groups[written(name) if x < 1.0 else name].append(tag)
+        for name, tags in groups.items():  # none has its number in `TAGS`
+            gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, tags), name)
         gmsh.model.mesh.generate(3)
         gmsh.write(str(path))
     mesh, cells, facets = compat.read_mesh(path, COMM)
@@ -354,7 +359,8 @@ def test_groups_of_a_file_are_known_by_name(written: Callable[[str], str], tmp_p
     points = mesh.geometry.x
     for name, z in (("top", 0.0), ("bottom", -1.0)):
         space = compat.function_space(mesh, 1)
-        assert len(facets.find(TAGS[name]))
+        faces = dolfinx.mesh.locate_entities_boundary(mesh, 2, lambda x, z=z: np.isclose(x[2], z))
+        assert np.array_equal(np.sort(facets.find(TAGS[name])), np.sort(faces))
         dofs = dolfinx.fem.locate_dofs_topological(space, 2, facets.find(TAGS[name]))
         assert np.allclose(space.tabulate_dof_coordinates()[dofs, 2], z)
     assert np.ptp(points[:, 2]) == pytest.approx(1.0)
