@@ -89,9 +89,8 @@ class OwnMesh:
         faults += self._faults_of_faces({"top": 0.0, "bottom": bottom}, near)
         if faults:
             raise InvalidProblem(*faults)
-        free = self._tag_sides(sides, near)
-        self._check_glued(free, near)
-        room = self._room(free, reduction)
+        self._check_glued(near)
+        room = self._room(self._tag_sides(sides, near), reduction)
         self._check_solid(thickness)
         radii = [expected[ball.index].contact_radius for ball in reduction.balls]
         self._check_balls(reduction, radii, sides, room, near)
@@ -187,16 +186,16 @@ class OwnMesh:
         least = [np.linalg.norm(places - ball.position, axis=1).min(initial=np.inf) for ball in reduction.balls]
         return tuple(self.comm.allreduce(float(distance), op=MPI.MIN) for distance in least)
 
-    def _check_glued(self, free: np.ndarray, near: float) -> None:
-        """Raise `InvalidProblem` if two free facets are at one place: blocks of cells that only touch each other."""
-        middles = dolfinx.mesh.compute_midpoints(self.mesh, 2, free.astype(np.int32)).reshape(-1, 3)
-        places = np.concatenate(self.comm.allgather(middles))
+    def _check_glued(self, near: float) -> None:
+        """Raise `InvalidProblem` if two nodes are at one place: blocks of cells that only touch each other."""
+        own = self.mesh.geometry.x[: self.mesh.geometry.index_map().size_local]
+        places = np.concatenate(self.comm.allgather(own))
         twins = cKDTree(places).query_pairs(near, output_type="ndarray")
         if len(twins):
             x, y, z = places[twins[0, 0]]
             raise InvalidProblem(
-                f"{self.name}: cells that meet must share their nodes, {len(twins)} pairs of facets do not, the first "
-                f"at ({x:.6g}, {y:.6g}, {z:.6g}) m; join the volumes, in gmsh by occ.fragment, before meshing"
+                f"{self.name}: cells that meet must share their nodes, {len(twins)} pairs of nodes are at one place, "
+                f"the first at ({x:.6g}, {y:.6g}, {z:.6g}) m; join the volumes, in gmsh by occ.fragment, before meshing"
             )
 
     def _check_solid(self, thickness: float) -> None:
