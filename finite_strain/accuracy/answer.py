@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from finite_strain.accuracy.error_budget import FEW, TERMS, discretisation, enforcement, remaining, transfer
+from finite_strain.accuracy.error_budget import TERMS, discretisation, enforcement, remaining, transfer
 from finite_strain.accuracy.pairs import MEASURED, LinearTruth, Paired, paired, ratio, unpaired, unsure
 from finite_strain.force.distortion import is_resolved
 from finite_strain.geometry.estimates import body_of
@@ -203,34 +203,16 @@ class Answers:
         }
         if truth is not None and not self.plan.is_paired:  # the error is known
             values = {name: np.zeros_like(value) for name, value in values.items()}
-        pull, force = self._known(fraction, truth)
+        known = self._nearby("known", fraction, np.array([now.known, before.known]), with_line=False)
+        near = self._nearby("Q", fraction, values["Q"], with_line=False)
+        known = known if len(known) == len(near) else []  # where no pair is missing
+        pull, force = ([errors[..., part] for errors in known] for part in (slice(2), slice(2, None)))
         apart, pulled = (self._change(name, fraction, values[name], pull) for name in ("ratio", "T"))
         moved = self._change("Q", fraction, values["Q"], force)
         parted = self._change("parts", fraction, values["parts"]) if self.forces_given else moved
-        if len(pull) < ENOUGH:  # T may have changed little by chance, where its factors changed oppositely
+        if len(known) < ENOUGH:  # T may have changed little by chance, where its factors changed oppositely
             pulled = np.maximum(pulled, np.hypot(apart, 2.0 * np.linalg.norm(now.per_squared_force, axis=1) * parted))
-        near, _ = self._nearby("Q", fraction, values["Q"], values["Q"])
         return apart, moved, pulled, parted, remaining(near, force) if force else np.zeros_like(moved)
-
-    def _known(self, fraction: float, truth: LinearTruth | None) -> list[list[np.ndarray]]:
-        """Return the errors of small strain on both discretisations at nearby loads; none where a pair is missing.
-
-        They are those of T / Q^2 (2, balls, 2) and, relative, of the force or approach that is not given (2, balls).
-        """
-        if not self.plan.is_paired:
-            return [[], []]
-        unknown = np.full((2, len(self.plan.reduction.balls), 2), np.nan)
-        errors, rows = [unknown, unknown[:, :, 0]], (self.fine.at(fraction), self.coarse.at(fraction))
-        states = [row.small for row in rows if row is not None and row.small is not None]
-        if truth is not None and len(states) == len(rows):
-            linear, name = ratio(truth.tangential_force, truth.normal_force[:, None] ** 2), self.follows
-            errors = [
-                np.array([state.per_squared_force - linear for state in states]),
-                np.array([ratio(getattr(state, name), getattr(truth, name), empty=1.0) - 1.0 for state in states]),
-            ]
-        names = ("ratio_known", "Q_known")
-        near = [self._nearby(n, fraction, each, np.nan * each)[0] for n, each in zip(names, errors, strict=True)]
-        return [path if np.isfinite(path).all() else [] for path in near]
 
     def _errors_of_contact(
         self, fraction: float, now: Paired, before: Paired, truth: LinearTruth | None
@@ -249,31 +231,28 @@ class Answers:
 
     def _change(self, name: str, fraction: float, change: np.ndarray, known: Sequence[np.ndarray] = ()) -> np.ndarray:
         """Return the discretisation error (balls,) from the changes at nearby loads; store this one for the others."""
-        near, between = self._nearby(name, fraction, change, FEW[1] * change)
-        return discretisation([*near, *between], self.fine.level, self.coarse.level, known)
+        return discretisation(self._nearby(name, fraction, change), self.fine.level, self.coarse.level, known)
 
-    def _nearby(
-        self, name: str, fraction: float, value: np.ndarray, missing: np.ndarray
-    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Return the values at nearby loads, and on the line through their neighbours; store this one for the others.
+    def _nearby(self, name: str, fraction: float, value: np.ndarray, with_line: bool = True) -> list[np.ndarray]:
+        """Return the values at those nearby loads where they are known; store this one for the others.
 
         Nearby are smaller loads and, if these are fewer than `ENOUGH`, the next larger ones already solved. If not, the
-        line through the changes at the loads on both sides of this one counts too: changes oscillate along the load, so
-        smaller loads alone do not show an amplitude that grows. ``missing`` is for loads saved without a value.
+        line through the values at the loads on both sides of this one counts too: changes oscillate along the load, so
+        smaller loads alone do not show an amplitude that grows.
         """
         path = self.fine.changes.setdefault(name, [])
         loads = [row.own.fraction for row in self.fine.rows]
         place, nearby = loads.index(fraction), self.plan.nearby
-        path += [missing.tolist()] * (place - len(path))
+        path += [(np.nan * value).tolist()] * (place - len(path))  # where it was saved without this one
         path[place:] = path[place:] or [value.tolist()]
         first = next(i for i, load in enumerate(loads) if load >= nearby * fraction)
         later = [i for i in range(place + 1, len(path)) if nearby * loads[i] <= fraction]
         near = [*range(first, place + 1), *later[: max(0, ENOUGH - (place + 1 - first))]]
-        between = []
-        if later and later[0] not in near:
+        values = [np.array(path[i]) for i in near]
+        if with_line and later and later[0] not in near:
             share = (fraction - loads[place - 1]) / (loads[later[0]] - loads[place - 1])
-            between = [(1.0 - share) * np.array(path[place - 1]) + share * np.array(path[later[0]])]
-        return [np.array(path[i]) for i in near], between
+            values.append((1.0 - share) * np.array(path[place - 1]) + share * np.array(path[later[0]]))
+        return [each for each in values if np.isfinite(each).all()]
 
     def _imbalance(self, forces: np.ndarray, error: np.ndarray) -> tuple[float, float]:
         """Return the size of the sum of T (balls, 2) [N] over the scene, and the factor on all errors (balls,) from it.

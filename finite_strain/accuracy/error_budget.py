@@ -67,7 +67,7 @@ def discretisation(
     mean over the loads comes from elements away from the contact's edge: deformation is small there, so it converges
     as the mean of the known errors does, at least like `SLOWEST` and at most like `FASTEST`. The rest oscillates with
     the edge's position in its element and converges slowly. The mean takes one degree of freedom: n loads count as
-    n - 1 in `FEW`. The sum of the parts is not more than the error if nothing is known of the mean.
+    n - 1 in `FEW`, also in the upper bound: the largest change, as if nothing were known of the mean.
     """
     changes, slowest = _vectors(path, 2), gain(fine, coarse)
     largest = slowest * _size(changes).max(axis=0)
@@ -89,7 +89,7 @@ def remaining(path: Sequence[np.ndarray], known: Sequence[np.ndarray]) -> np.nda
     other material points lie at the contact's edge than at small strain, and the two errors oscillate out of phase.
     """
     now, before = np.moveaxis(_vectors(known, 3), 1, 0)
-    whole, part = _size(now - before).max(axis=0), _size(_vectors(path[: len(known)], 2)).max(axis=0)
+    whole, part = _size(now - before).max(axis=0), _size(_vectors(path, 2)).max(axis=0)
     share = np.divide(part, whole, out=np.ones_like(whole), where=whole > part)
     return np.asarray(FEW.get(len(known), 1.0) * share * _size(now).max(axis=0))
 

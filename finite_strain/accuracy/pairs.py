@@ -53,7 +53,8 @@ class Paired:
     """The answer of one discretisation (arrays per ball of the model).
 
     ``transfer`` (balls,) [1/N] is the uncertain part of the correction of T / Q^2; ``force_transfer`` (balls,) the
-    same of Q or D, relative, as ``area_transfer`` and ``peak_transfer``; ``weight`` (balls,) is c.
+    same of Q or D, relative, as ``area_transfer`` and ``peak_transfer``; ``weight`` (balls,) is c. ``known`` (balls, 3)
+    are the errors of T / Q^2 [1/N] and, relative, of Q or D at small strain; nan without a pair.
     """
 
     normal_force: np.ndarray
@@ -66,6 +67,7 @@ class Paired:
     peak_pressure: np.ndarray
     area_transfer: np.ndarray
     peak_transfer: np.ndarray
+    known: np.ndarray
 
     @property
     def tangential_force(self) -> np.ndarray:
@@ -75,8 +77,9 @@ class Paired:
 
 def unpaired(own: ContactState) -> Paired:
     """Return the uncorrected answer of the discretisation."""
-    none, areas = np.zeros(len(own.normal_force)), (own.contact_area, own.peak_pressure)
-    return Paired(own.normal_force, own.approach, own.per_squared_force, none, none, none, *areas, none, none)
+    none, unknown = np.zeros(len(own.normal_force)), np.full((len(own.normal_force), 3), np.nan)
+    forces, areas = (own.normal_force, own.approach, own.per_squared_force), (own.contact_area, own.peak_pressure)
+    return Paired(*forces, none, none, none, *areas, none, none, unknown)
 
 
 def unsure(slope: float) -> float:
@@ -102,7 +105,10 @@ def paired(
     transfer = _length(correction) * np.clip(unlike / np.maximum(1.0 - unlike, 0.5), least, 1.0)
     parts = {"transfer": transfer, "weight": weight}
     parts["per_squared_force"] = own.per_squared_force + weight[:, None] * correction
-    for name, left in {"approach" if forces_given else "normal_force": "force_transfer", **MEASURED}.items():
+    follows = "approach" if forces_given else "normal_force"
+    off = ratio(getattr(small, follows), getattr(truth, follows), empty=1.0) - 1.0
+    parts["known"] = np.column_stack([-correction, off])
+    for name, left in {follows: "force_transfer", **MEASURED}.items():
         known, own_value, small_value = (getattr(each, name) for each in (truth, own, small))
         factor = ratio(known, small_value, empty=1.0)
         apart = np.maximum(np.abs(ratio(own_value, small_value, empty=1.0) - 1.0), least)
