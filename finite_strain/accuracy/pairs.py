@@ -54,7 +54,8 @@ class Paired:
 
     ``transfer`` (balls,) [1/N] is the uncertain part of the correction of T / Q^2; ``force_transfer`` (balls,) the
     same of Q or D, relative, as ``area_transfer`` and ``peak_transfer``; ``weight`` (balls,) is c. ``known`` (balls, 3)
-    are the errors of T / Q^2 [1/N] and, relative, of Q or D at small strain; nan without a pair.
+    are the errors of T / Q^2 [1/N] and, relative, of Q or D at small strain: nan without a pair, 0 for a Q or D that only
+    one of mesh and `linear_bem` has.
     """
 
     normal_force: np.ndarray
@@ -106,8 +107,8 @@ def paired(
     parts = {"transfer": transfer, "weight": weight}
     parts["per_squared_force"] = own.per_squared_force + weight[:, None] * correction
     follows = "approach" if forces_given else "normal_force"
-    off = ratio(getattr(small, follows), getattr(truth, follows), empty=1.0) - 1.0
-    parts["known"] = np.column_stack([-correction, off])
+    off = ratio(getattr(small, follows), getattr(truth, follows)) - 1.0
+    parts["known"] = np.column_stack([-correction, np.where(off > -1.0, off, 0.0)])
     for name, left in {follows: "force_transfer", **MEASURED}.items():
         known, own_value, small_value = (getattr(each, name) for each in (truth, own, small))
         factor = ratio(known, small_value, empty=1.0)
