@@ -54,8 +54,8 @@ class Paired:
 
     ``transfer`` (balls,) [1/N] is the uncertain part of the correction of T / Q^2; ``force_transfer`` (balls,) the
     same of Q or D, relative, as ``area_transfer`` and ``peak_transfer``; ``weight`` (balls,) is c. ``known`` (balls, 3)
-    are the errors of T / Q^2 [1/N] and, relative, of Q or D at small strain: nan without a pair, 0 for a Q or D that only
-    one of mesh and `linear_bem` has.
+    are the errors of T / Q^2 [1/N] and, relative, of Q or D at small strain; nan without a pair, and 0 of Q or D where
+    only one of mesh and `linear_bem` has any.
     """
 
     normal_force: np.ndarray
