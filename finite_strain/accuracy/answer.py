@@ -243,8 +243,9 @@ class Answers:
         path = self.fine.changes.setdefault(name, [])
         loads = [row.own.fraction for row in self.fine.rows]
         place, nearby = loads.index(fraction), self.plan.nearby
-        path += [(np.nan * value).tolist()] * (place - len(path))  # where it was saved without this one
-        path[place:] = path[place:] or [value.tolist()]
+        path += [(np.nan * value).tolist()] * (place + 1 - len(path))
+        if not np.isfinite(path[place]).all():  # also where a load was saved without this one
+            path[place] = value.tolist()
         first = next(i for i, load in enumerate(loads) if load >= nearby * fraction)
         later = [i for i in range(place + 1, len(path)) if nearby * loads[i] <= fraction]
         near = [*range(first, place + 1), *later[: max(0, ENOUGH - (place + 1 - first))]]

@@ -393,6 +393,11 @@ def test_changes_that_were_not_saved_count_as_twice_the_present_one() -> None:
     answers = at_loads(0.8, 0.9, 1.0)
     assert answers._change("parts", 1.0, np.array([0.2])) == relatively([0.4 * gain(CUBIC, QUADRATIC)], ROUNDOFF)
     np.testing.assert_equal(answers.fine.changes, {"parts": [[np.nan], [np.nan], [0.2]]})
+    # and are known when their loads are answered again
+    assert answers._change("parts", 0.8, np.array([0.1])) == relatively(
+        [0.2 * FEW[2] * gain(CUBIC, QUADRATIC)], ROUNDOFF
+    )
+    np.testing.assert_equal(answers.fine.changes, {"parts": [[0.1], [np.nan], [0.2]]})
 
 
 @pytest.mark.parametrize(
