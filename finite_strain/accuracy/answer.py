@@ -194,21 +194,21 @@ class Answers:
         The last are the errors of the force or approach that may remain after pairing. Those of forces and approaches
         are relative. T has a change of its own, because T / Q^2 and Q change together.
         """
-        squared = _pressed(now, before, "normal_force")[:, None] ** 2
+        pressed, follows = (_pressed(now, before, name) for name in ("normal_force", self.follows))
         values = {
             "ratio": now.per_squared_force - before.per_squared_force,
-            "T": ratio(now.tangential_force - before.tangential_force, squared),
-            "Q": ratio(getattr(now, self.follows) - getattr(before, self.follows), _pressed(now, before, self.follows)),
-            "parts": ratio(now.normal_force - before.normal_force, _pressed(now, before, "normal_force")),
+            "T": ratio(now.tangential_force - before.tangential_force, pressed[:, None] ** 2),
+            "follows": ratio(getattr(now, self.follows) - getattr(before, self.follows), follows),
+            "parts": ratio(now.normal_force - before.normal_force, pressed),
         }
         if truth is not None and not self.plan.is_paired:  # the error is known
             values = {name: np.zeros_like(value) for name, value in values.items()}
         known = self._nearby("known", fraction, np.array([now.known, before.known]), with_line=False)
-        near = self._nearby("Q", fraction, values["Q"], with_line=False)
+        near = self._nearby("follows", fraction, values["follows"], with_line=False)
         known = known if len(known) == len(near) else []  # where no pair is missing
         pull, force = ([errors[..., part] for errors in known] for part in (slice(2), slice(2, None)))
         apart, pulled = (self._change(name, fraction, values[name], pull) for name in ("ratio", "T"))
-        moved = self._change("Q", fraction, values["Q"], force)
+        moved = self._change("follows", fraction, values["follows"], force)
         parted = self._change("parts", fraction, values["parts"]) if self.forces_given else moved
         if len(known) < ENOUGH:  # T may have changed little by chance, where its factors changed oppositely
             pulled = np.maximum(pulled, np.hypot(apart, 2.0 * np.linalg.norm(now.per_squared_force, axis=1) * parted))

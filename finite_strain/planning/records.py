@@ -158,10 +158,10 @@ class Record:
 
     ``reached`` is the largest error of T at full load over ``scale`` [N]; ``stopped`` says why it did not reach full
     load; ``changes`` are the changes from the coarser discretisation at the rows: of T / Q^2 ("ratio") and of T over
-    Q^2 ("T"), both (balls, 2) [1/N], of the force or approach that is not prescribed ("Q"), of the balls' parts of the
-    forces ("parts"), "contact_area" and "peak_pressure" (these relative), and the errors of the small-strain problem on
-    both discretisations ("known", see `Paired`); nan where they are not known. ``stiffened`` is how often penalties
-    were raised at full load; ``resolved`` is False if elements are nearly inverted there.
+    Q^2 ("T"), both (balls, 2) [1/N], of the force or approach that is not prescribed ("follows"), of the balls' parts
+    of the forces ("parts"), "contact_area" and "peak_pressure" (these relative), and the errors of the small-strain
+    problem on both discretisations ("known", see `Paired`); nan where they are not known. ``stiffened`` is how often
+    penalties were raised at full load; ``resolved`` is False if elements are nearly inverted there.
     """
 
     level: Discretisation

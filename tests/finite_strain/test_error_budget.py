@@ -400,6 +400,14 @@ def test_changes_that_were_not_saved_count_as_twice_the_present_one() -> None:
     np.testing.assert_equal(answers.fine.changes, {"parts": [[0.1], [np.nan], [0.2]]})
 
 
+def test_changes_that_earlier_versions_saved_without_a_sign_do_not_count() -> None:
+    answers = at_loads(0.8, 0.9, 1.0)
+    answers.fine.changes.update({"R": [[5.0]] * 2, "Q": [[5.0]] * 2})
+    apart, moved, *_ = answers._changed(1.0, seen(1.0, 1.0), seen(1.01, 1.01**2), None)
+    assert moved == relatively([0.01 * FEW[1] * gain(CUBIC, QUADRATIC)], 1e-9)
+    assert apart == [0.0]
+
+
 @pytest.mark.parametrize(
     ("pulls", "known", "accuracy", "allowed"),
     [
