@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from finite_strain.accuracy.error_budget import TERMS, discretisation, enforcement, remaining, transfer
-from finite_strain.accuracy.pairs import MEASURED, LinearTruth, Paired, paired, ratio, unpaired, unsure
+from finite_strain.accuracy.pairs import MEASURED, LinearTruth, Paired, missed, paired, pressed, ratio, unpaired, unsure
 from finite_strain.force.distortion import is_resolved
 from finite_strain.geometry.estimates import body_of
 from finite_strain.geometry.extent import scale_of_force
@@ -72,8 +72,8 @@ class Answers:
         fine, now, before = self._at(account.fraction, truth)
         share = enforcement(fine.own, fine.small, now.weight, account.augmented)
         solver = np.full(len(share), account.tolerance) + (0.0 if truth is None else truth.error)
-        size, squared = np.linalg.norm(now.tangential_force, axis=1), _pressed(now, before, "normal_force") ** 2
-        none, follows = np.zeros_like(size), _pressed(now, before, self.follows)
+        size, squared = np.linalg.norm(now.tangential_force, axis=1), pressed(now, before, "normal_force") ** 2
+        none, follows = np.zeros_like(size), pressed(now, before, self.follows)
         apart, moved, pulled, parted, remains = self._changed(account.fraction, now, before, truth)
         now = replace(now, force_transfer=np.maximum(now.force_transfer, remains))
         unsure_pull, unsure_force = squared * now.transfer, self._unsure_force(fine, now, truth)
@@ -81,7 +81,7 @@ class Answers:
         both = np.hypot(unsure_pull, 2.0 * size * unsure_force)
         if not self.plan.is_paired:  # known errors of T / Q^2 and Q, which may have one sign
             both = (size + unsure_pull) * (1.0 + unsure_force) ** 2 - size
-        missed_force, missed_pull = _missed(fine, truth)
+        missed_force, missed_pull = missed(fine, truth)
         enforced = none if self.forces_given else 2.0 * MOST * size * share
         terms = np.array([squared * pulled, enforced, both + missed_pull, solver])
         if self.forces_given:
@@ -100,7 +100,7 @@ class Answers:
         counts = _scale(self.plan, self._per_ball(now.normal_force), self._per_ball(np.linalg.norm(pull, axis=1))) > 0.0
         shown, through = doubt * terms if counts else other, {self.follows: _total(other)}
         if self.plan.problem.load.kind == "total_force":
-            parts = _pressed(now, before, "normal_force") * np.hypot(parted, unsure_force)
+            parts = pressed(now, before, "normal_force") * np.hypot(parted, unsure_force)
             through["normal_force"] = parts + missed_force
         through |= self._errors_of_contact(account.fraction, now, before, truth)
         return Answer(
@@ -194,25 +194,25 @@ class Answers:
         The last are the errors of the force or approach that may remain after pairing. Those of forces and approaches
         are relative. T has a change of its own, because T / Q^2 and Q change together.
         """
-        pressed, follows = (_pressed(now, before, name) for name in ("normal_force", self.follows))
+        force, follows = (pressed(now, before, name) for name in ("normal_force", self.follows))
         values = {
             "ratio": now.per_squared_force - before.per_squared_force,
-            "T": ratio(now.tangential_force - before.tangential_force, pressed[:, None] ** 2),
+            "T": ratio(now.tangential_force - before.tangential_force, force[:, None] ** 2),
             "follows": ratio(getattr(now, self.follows) - getattr(before, self.follows), follows),
-            "parts": ratio(now.normal_force - before.normal_force, pressed),
+            "parts": ratio(now.normal_force - before.normal_force, force),
         }
         if truth is not None and not self.plan.is_paired:  # the error is known
             values = {name: np.zeros_like(value) for name, value in values.items()}
         known = self._nearby("known", fraction, np.array([now.known, before.known]), with_line=False)
         near = self._nearby("follows", fraction, values["follows"], with_line=False)
         known = known if len(known) == len(near) else []  # where no pair is missing
-        pull, force = ([errors[..., part] for errors in known] for part in (slice(2), slice(2, None)))
-        apart, pulled = (self._change(name, fraction, values[name], pull) for name in ("ratio", "T"))
-        moved = self._change("follows", fraction, values["follows"], force)
+        of_ratio, of_follows = ([errors[..., part] for errors in known] for part in (slice(2), slice(2, None)))
+        apart, pulled = (self._change(name, fraction, values[name], of_ratio) for name in ("ratio", "T"))
+        moved = self._change("follows", fraction, values["follows"], of_follows)
         parted = self._change("parts", fraction, values["parts"]) if self.forces_given else moved
         if len(known) < ENOUGH:  # T may have changed little by chance, where its factors changed oppositely
             pulled = np.maximum(pulled, np.hypot(apart, 2.0 * np.linalg.norm(now.per_squared_force, axis=1) * parted))
-        return apart, moved, pulled, parted, remaining(near, force) if force else np.zeros_like(moved)
+        return apart, moved, pulled, parted, remaining(near, of_follows) if known else np.zeros_like(moved)
 
     def _errors_of_contact(
         self, fraction: float, now: Paired, before: Paired, truth: LinearTruth | None
@@ -220,13 +220,13 @@ class Answers:
         """Return the errors (balls,) of contact areas [m^2] and peak pressures [Pa]; store changes like `_changed`."""
         errors = {}
         for name, left in MEASURED.items():
-            value, (known, missed) = _pressed(now, before, name), np.zeros((2, len(now.approach)))
+            value, (known, unseen) = pressed(now, before, name), np.zeros((2, len(now.approach)))
             change = ratio(np.abs(getattr(now, name) - getattr(before, name)), value)
             if truth is not None:
                 change = change * self.plan.is_paired  # else the error is known
                 known = ratio(getattr(truth, f"{name}_error"), getattr(truth, name))
-                missed = getattr(truth, name) * (value <= 0.0)
-            errors[name] = value * (np.hypot(self._change(name, fraction, change), getattr(now, left)) + known) + missed
+                unseen = getattr(truth, name) * (value <= 0.0)
+            errors[name] = value * (np.hypot(self._change(name, fraction, change), getattr(now, left)) + known) + unseen
         return errors
 
     def _change(self, name: str, fraction: float, change: np.ndarray, known: Sequence[np.ndarray] = ()) -> np.ndarray:
@@ -318,18 +318,3 @@ def _total(terms: np.ndarray) -> np.ndarray:
 def _others_at(worst: int, terms: np.ndarray) -> np.ndarray:
     """Return error terms (terms, balls) of T in which those of one ball are the sums of the others'."""
     return np.where(np.arange(terms.shape[1]) == worst, terms.sum(axis=1, keepdims=True) - terms, terms)
-
-
-def _missed(fine: Row, truth: LinearTruth | None) -> tuple[np.ndarray, np.ndarray]:
-    """Return Q and |T| (balls,) [N] of `linear_bem` where a ball presses in it, but in no model on the mesh."""
-    small = fine.small or fine.own
-    if truth is None:
-        return np.zeros_like(small.normal_force), np.zeros_like(small.normal_force)
-    untouched = (fine.own.normal_force <= 0.0) & (small.normal_force <= 0.0)
-    return untouched * truth.normal_force, untouched * np.linalg.norm(truth.tangential_force, axis=1)
-
-
-def _pressed(now: Paired, before: Paired, name: str) -> np.ndarray:
-    """Return a result (balls,), from the coarser discretisation for balls without load on the finer."""
-    value = getattr(now, name)
-    return np.where(now.normal_force > 0.0, value, getattr(before, name))

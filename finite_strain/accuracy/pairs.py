@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from finite_strain.planning.records import ContactState
+from finite_strain.planning.records import ContactState, Row
 
 ALIKE, UNLIKE = 1.0 / 3.0, 2.0 / 3.0
 """Difference of T / Q^2 between finite and small strain, over the larger of them: up to the first the weight is 1,
@@ -116,6 +116,21 @@ def paired(
         parts[name] = own_value + weight * (known - small_value) if name == "approach" else own_value * factor**weight
         parts[left] = np.abs(factor - 1.0) * apart
     return replace(unpaired(own), **parts)
+
+
+def missed(fine: Row, truth: LinearTruth | None) -> tuple[np.ndarray, np.ndarray]:
+    """Return Q and |T| (balls,) [N] of `linear_bem` where a ball presses in it, but in no model on the mesh."""
+    small = fine.small or fine.own
+    if truth is None:
+        return np.zeros_like(small.normal_force), np.zeros_like(small.normal_force)
+    untouched = (fine.own.normal_force <= 0.0) & (small.normal_force <= 0.0)
+    return untouched * truth.normal_force, untouched * np.linalg.norm(truth.tangential_force, axis=1)
+
+
+def pressed(now: Paired, before: Paired, name: str) -> np.ndarray:
+    """Return a result (balls,), from the coarser discretisation for balls without load on the finer."""
+    value = getattr(now, name)
+    return np.where(now.normal_force > 0.0, value, getattr(before, name))
 
 
 def ratio(part: np.ndarray, whole: np.ndarray, empty: float = 0.0) -> np.ndarray:
