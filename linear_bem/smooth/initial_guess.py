@@ -136,8 +136,10 @@ def _hertz_axes(ball: Ball, radius: float, seen: float) -> Array:
     """Return the axes (2, 2) [m] of Hertz's ellipse for a mean radius [m].
 
     ``seen`` is the ball's radius of curvature [m] over the contact. The axes scale nearly with
-    curvature^(-2/3) [Johnson 1985, eq. 4.28].
+    curvature^(-2/3) [Johnson 1985, eq. 4.28]. Within a flat end they are those of a circle.
     """
+    if mean_height(ball, radius) == 0.0:
+        return radius * np.eye(2)
     bend, turn = np.linalg.eigh(curvature(ball, radius))
     return np.asarray(turn * (radius * (bend * seen) ** (-2.0 / 3.0)))
 

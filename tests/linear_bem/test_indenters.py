@@ -14,6 +14,7 @@ from linear_bem import (
     Ellipsoid,
     InvalidProblem,
     Layer,
+    LayeredKernel,
     Load,
     Paraboloid,
     Problem,
@@ -26,6 +27,7 @@ from linear_bem import (
 )
 from linear_bem.dual import slope
 from linear_bem.grid.contacts import GridContacts
+from linear_bem.smooth.initial_guess import first_guess
 
 HALF_SPACE = Layer(1.0, 0.3, np.inf)
 MODULUS = HALF_SPACE.contact_modulus
@@ -286,3 +288,11 @@ def test_a_pointed_own_profile_is_said_to_have_no_peak_pressure() -> None:
     ):
         problem = Problem(HALF_SPACE, (Ball((0.0, 0.0), 1.0, profile),), Load("approach", (0.1,)))
         assert any("peak pressure has no limit" in note for note in solve(problem, 1e-2).solved.notes) == is_pointed
+
+
+def test_the_first_guess_within_the_flat_end_of_a_punch_is_a_circle():
+    bodies = {0.0: Punch(0.75, 0.08), 1.3: Punch(0.5, 0.25)}
+    balls = tuple(Ball((x, 0.0), shape=body, asperity=True) for x, body in bodies.items())
+    problem = Problem(Layer(1.0, 0.45, 4.0), balls, Load("total_force", (2e-3,)))
+    zone = first_guess(problem, LayeredKernel.of(problem)).zones[0]
+    assert 0.6 < zone.radius == zone.reach < 0.67
