@@ -15,6 +15,8 @@ from linear_bem.problem import Ball
 Value = TypeVar("Value", float, Array)
 Height = Callable[[Array, Array], Array]
 """f(x, y) [m] at surface points x, y [m] in the global frame."""
+BEYOND = 10.0
+"""Height over distance from the axis that a body has beyond its edge only."""
 
 
 def height(ball: Ball) -> Height:
@@ -71,20 +73,23 @@ def is_ball(ball: Ball) -> bool:
 
 
 def curvature(ball: Ball, scale: float) -> Array:
-    """Return the 2x2 matrix of second differences [1/m] of f at the apex with step ``scale`` [m], less near an edge."""
+    """Return the 2x2 matrix of second differences [1/m] of f at the apex with step ``scale`` [m], less near an edge.
+
+    Beyond an edge an own profile may have no height, or rise by any amount.
+    """
     if is_ball(ball):
         return np.eye(2) / ball.radius
-    steps = np.array([-1.0, 0.0, 1.0])
-    while True:
-        x, y = np.meshgrid(ball.position[0] + scale * steps, ball.position[1] + scale * steps, indexing="ij")
-        f = height(ball)(x.ravel(), y.ravel()).reshape(3, 3)
-        if not np.any(f == WALL * ball.radius):
-            break
-        scale *= 0.7  # to where the body has a height
-    xx = f[2, 1] + f[0, 1] - 2.0 * f[1, 1]
-    yy = f[1, 2] + f[1, 0] - 2.0 * f[1, 1]
-    xy = 0.25 * (f[2, 2] + f[0, 0] - f[2, 0] - f[0, 2])
-    matrix = np.array([[xx, xy], [xy, yy]]) / scale**2
+    scales, steps = scale * 0.7 ** np.arange(30.0)[:, None, None], np.array([-1.0, 0.0, 1.0])
+    x, y = np.broadcast_arrays(ball.position[0] + scales * steps[:, None], ball.position[1] + scales * steps)
+    f = height(ball)(x, y)
+    xx = f[:, 2, 1] + f[:, 0, 1] - 2.0 * f[:, 1, 1]
+    yy = f[:, 1, 2] + f[:, 1, 0] - 2.0 * f[:, 1, 1]
+    xy = 0.25 * (f[:, 2, 2] + f[:, 0, 0] - f[:, 2, 0] - f[:, 0, 2])
+    matrices = np.array([[xx, xy], [xy, yy]]).T / scales**2
+    rises = np.any(f - f[:, 1:2, 1:2] > BEYOND * scales, axis=(1, 2))
+    fits = ~rises & (np.linalg.eigvalsh(matrices)[:, 0] > 0.0)
+    chosen = int(np.argmax(fits)) if rises[0] else 0
+    matrix, scale = matrices[chosen], float(scales[chosen, 0, 0])
     if np.linalg.eigvalsh(matrix)[0] <= 0.0:
         raise InvalidProblem(
             f"balls.shape: a profile must be strictly convex at its apex; the ball at {ball.position} has second "

@@ -269,8 +269,9 @@ def test_a_profile_without_height_beyond_its_equator_is_the_sphere(approaches):
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_contact_may_reach_the_edge_beyond_which_its_body_has_no_height():
-    nearly_flat = Ball((0.0, 0.0), 1.0, lambda x, y: np.where(x * x + y * y < 0.09, 1e-3 * (x * x + y * y), np.nan))
+@pytest.mark.parametrize("beyond", [np.nan, 5.0, 500.0])
+def test_a_contact_may_reach_the_edge_beyond_which_its_body_has_no_height(beyond):
+    nearly_flat = Ball((0.0, 0.0), 1.0, lambda x, y: np.where(x * x + y * y < 0.09, 1e-3 * (x * x + y * y), beyond))
     found = solve(Problem(HALF_SPACE, (nearly_flat,), Load("force", (0.03,))), 1e-2).balls[0]
     depth = 0.03 / (2.0 * 0.3 * HALF_SPACE.contact_modulus)  # a flat punch, Johnson 1985, section 3.4
     assert abs(found.approach - depth) < found.errors["approach"] + 1e-3 * 0.3**2
