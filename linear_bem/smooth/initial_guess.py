@@ -136,9 +136,9 @@ def _hertz_axes(ball: Ball, radius: float, seen: float) -> Array:
     """Return the axes (2, 2) [m] of Hertz's ellipse for a mean radius [m].
 
     ``seen`` is the ball's radius of curvature [m] over the contact. The axes scale nearly with
-    curvature^(-2/3) [Johnson 1985, eq. 4.28]. Within a flat end they are those of a circle.
+    curvature^(-2/3) [Johnson 1985, eq. 4.28]. Of a ball, and within a flat end, they are those of a circle.
     """
-    if mean_height(ball, radius) == 0.0:
+    if is_ball(ball) or mean_height(ball, radius) == 0.0:
         return radius * np.eye(2)
     bend, turn = np.linalg.eigh(curvature(ball, radius))
     return np.asarray(turn * (radius * (bend * seen) ** (-2.0 / 3.0)))
@@ -146,6 +146,8 @@ def _hertz_axes(ball: Ball, radius: float, seen: float) -> Array:
 
 def _within(ball: Ball, axes: Array, depth: float) -> Array:
     """Return the axes (2, 2) [m], cut to where the body is lower than twice the ``depth`` [m]: no contact is longer."""
+    if is_ball(ball):
+        return axes  # as short already
     share = np.geomspace(1.0, 1e-3, 100)
     x, y = np.array(ball.position)[:, None, None] + axes[:, :, None] * share
     return np.asarray(axes * share[np.argmax(height(ball)(x, y) < 2.0 * depth, axis=1)])

@@ -206,7 +206,8 @@ class Zone:
         terms, points = self.coefficients.shape[1] if derivative else 0, xi.shape[1]
         potential, changes = np.empty(xi.shape), np.empty((*xi.shape, terms))
         numbers = points * directions * along * max(1, terms // 8)
-        for part, some in product(self.parts(numbers), np.array_split(np.arange(points), numbers // CACHED + 1)):
+        few = points // (numbers // CACHED + 1) + 1
+        for part, some in product(self.parts(numbers), (slice(k, k + few) for k in range(0, points, few))):
             at = part, some
             x, y, c, s = xi[at][..., None], eta[at][..., None], cos[part, None], sin[part, None]
             chord = _Chords.through(self[part], x, y, c, s)
