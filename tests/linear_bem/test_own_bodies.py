@@ -265,7 +265,8 @@ def test_a_profile_without_height_beyond_its_equator_is_the_sphere(approaches):
     own = tuple(replace(ball, shape=lambda x, y: 1.0 - np.sqrt(1.0 - x**2 - y**2)) for ball in problem.balls)
     for mine, sphere in zip(solve(replace(problem, balls=own), 1e-2).balls, solve(problem, 1e-2).balls, strict=True):
         assert mine.normal_force == pytest.approx(sphere.normal_force, rel=1e-6)
-        assert mine.tangential_force == pytest.approx(sphere.tangential_force, rel=1e-3, abs=1e-12)
+        error = mine.tangential_force_error  # T_y is 0 but for the residual of the solution
+        assert mine.tangential_force == pytest.approx(sphere.tangential_force, rel=1e-3, abs=error)
 
 
 @pytest.mark.filterwarnings("error")
