@@ -192,22 +192,6 @@ def test_an_evolution_is_shown_by_its_tables_though_no_model_knows_pressures(tmp
     assert not any(words in text for words in ("contact radius", "sigma", "force over load"))
 
 
-def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
-    done = thirdbody("report", tmp_path)
-    assert done.returncode == 2
-    assert "holds no run and no study" in done.stderr
-
-
-def test_a_damaged_file_of_a_run_is_named(tmp_path: Path) -> None:
-    (tmp_path / MARK).write_text('{"identity": {"comm', encoding="utf-8")
-    with pytest.raises(OutputUnusable, match=r"run\.json: is damaged.*--fresh"):
-        read_folder(tmp_path)
-    (tmp_path / MARK).write_text('{"identity": {"command": "solve"}, "state": "finished"}', encoding="utf-8")
-    (tmp_path / "run.log").write_bytes(b"\xff")
-    with pytest.raises(OutputUnusable, match=r"run\.log: cannot be read as text"):
-        read_folder(tmp_path)
-
-
 def test_an_edited_comparison_is_named_and_a_page_may_go_into_a_new_folder(
     runs: dict[str, Path], tmp_path: Path
 ) -> None:
