@@ -209,11 +209,11 @@ class Refinement:
     def _steps(self, run: ModelRun, path: list[float], number: int) -> Iterator[StepRecord]:
         """Yield each load step of the run's own model, predicted from the coarser discretisation.
 
-        Full load starts with the penalties that the coarser discretisation needed there.
+        Full load starts with stiffer penalties if the coarser discretisation needed them there.
         """
         for fraction in path:
-            rounds = self.records[number - 1].stiffened if self._is_last(number, fraction) else 0
-            run.path.ahead = STIFFER**rounds
+            is_stiff = self._is_last(number, fraction) and self.records[number - 1].stiffened > 0
+            run.path.ahead = STIFFER if is_stiff else 1.0
             run.path.is_rough, run.path.residual = self._is_last(number, fraction), self._residual(number, fraction)
             yield from run.path.steps([fraction], lambda f: self._predicted(run, number, "own", f))
 

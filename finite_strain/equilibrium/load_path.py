@@ -90,7 +90,7 @@ class LoadPath:
         """
         for goal in fractions:
             cuts, predicted = 0, predictor(goal)
-            known, spent = 0.0, (0, 0)
+            known, spent = 0.0, (0, 0, 0)
             step = goal - self.last.fraction
             while not self.history or abs(self.last.fraction - goal) > BACK * abs(goal):
                 reached = self.last.fraction
@@ -100,6 +100,7 @@ class LoadPath:
                 try:
                     self._solve(fraction, predicted or self._extrapolated(fraction, cuts), record)
                 except NotConverged as error:
+                    spent = record.newton_iterations, record.tangents, record.augmentation_iterations
                     if predicted is None:
                         cuts, step = cuts + 1, 0.5 * (fraction - reached)
                     elif predicted.source is not None and self.ahead > 1.0:
@@ -127,9 +128,9 @@ class LoadPath:
                 self.history = [*self.history[-1:], present]
                 predicted, step = None, GROWTH * step
                 if fraction != goal and abs(fraction) <= known:
-                    spent = record.newton_iterations, record.tangents
+                    spent = record.newton_iterations, record.tangents, record.augmentation_iterations
                     continue
-                spent = 0, 0
+                spent = 0, 0, 0
                 yield record
 
     def distorted(self) -> Distortion:

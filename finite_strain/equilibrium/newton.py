@@ -152,14 +152,17 @@ class NewtonSolver:
                 iterations += self._iterate(search)
             reason, norm = self.snes.getConvergedReason(), self.snes.getFunctionNorm()
             if norm <= exact:
-                self._set(self._x)
-                record.newton_iterations += iterations
-                record.augmentation_iterations += iterations * bool(self.model.contact.augmented.value)
-                record.tangents, record.residual = record.tangents + self.effort.tangents - tangents, norm
-                return
+                break
             stalled = reason == failed and norm < max(near_end, STALL * force)
             if search == "bt" and not (reason > 0 or stalled):
                 break
+        record.newton_iterations += iterations
+        record.augmentation_iterations += iterations * bool(self.model.contact.augmented.value)
+        record.tangents += self.effort.tangents - tangents
+        if norm <= exact:
+            self._set(self._x)
+            record.residual = norm
+            return
         self._set(self._start)
         name = next((key for key, value in vars(PETSc.SNES.ConvergedReason).items() if value == reason), str(reason))
         cause = f" (snes_max_it is {self.max_iterations})" if self._is_limited and "MAX_IT" in name else ""

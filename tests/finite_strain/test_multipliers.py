@@ -247,7 +247,7 @@ def test_a_path_that_began_with_another_meshs_states_and_ends_early_is_taken_aga
     assert rig.normal_forces() == relatively(known.normal_forces(), 1e-4)
 
 
-def test_a_finer_mesh_begins_full_load_with_the_penalties_of_the_coarser_one(tmp_path: Path) -> None:
+def test_a_finer_mesh_begins_full_load_with_stiffer_penalties_if_the_coarser_one_needed_them(tmp_path: Path) -> None:
     kept = [Record(QUADRATIC, stiffened=2), Record(CUBIC)]
     save_records(tmp_path, "key", kept)
     run: Any = object.__new__(Refinement)
@@ -255,7 +255,7 @@ def test_a_finer_mesh_begins_full_load_with_the_penalties_of_the_coarser_one(tmp
     run.plan = SimpleNamespace(goals=(0.5, 1.0))
     path: Any = SimpleNamespace(ahead=0.0)
     path.steps = lambda fractions, _: [(*fractions, path.ahead)]
-    assert list(run._steps(SimpleNamespace(path=path), [0.5, 1.0], 1)) == [(0.5, 1.0), (1.0, STIFFER**2)]
+    assert list(run._steps(SimpleNamespace(path=path), [0.5, 1.0], 1)) == [(0.5, 1.0), (1.0, STIFFER)]
     assert list(run._steps(SimpleNamespace(path=path), [0.5, 1.0], 0)) == [(0.5, 1.0), (1.0, 1.0)]
 
 
