@@ -22,7 +22,7 @@ from meshes.box import TAGS
 
 NEEDED = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "h5py")
 """Packages that `solve` imports; Debian has them for its own /usr/bin/python3."""
-FORMAT = 22
+FORMAT = 23
 """Format version of a run; it is raised when runs of older versions must not be resumed or shown as current."""
 DEFAULT_ACCURACY = 0.02
 """Default relative accuracy of the tangential force."""

@@ -93,8 +93,8 @@ class ModelRun:
         return ContactState(
             fraction=fraction, approach=model.contact.approaches.copy(), normal_force=forces[:, 2],
             tangential_force=in_plane_forces(model, self.box, np.sqrt(areas / math.pi)),
-            traction_force=forces[:, :2], contact_area=areas, peak_pressure=extremes[:, 0], penetration=extremes[:, 1],
-            mean_gap=model.readings.mean_gaps(),
+            traction_force=forces[:, :2], contact_area=areas, peak_pressure=extremes[:, 0], peak_excess=extremes[:, 2],
+            penetration=extremes[:, 1], mean_gap=model.readings.mean_gaps(),
         )  # fmt: skip
 
 

@@ -102,8 +102,7 @@ def result_notes(plan: RunPlan, record: Record, why: str, seconds: float) -> lis
     if plan.has_free_sides:
         notes.append(
             "the mesh has free sides: the answer is that of this body, not of the infinite layer of linear_bem; its "
-            "error follows from the element orders alone; peak pressures, means around vertices, may be too small by "
-            "more than their error"
+            "error follows from the element orders alone"
         )
     budget = plan.budget  # the first discretisations run in any case
     if budget.unknowns is not None and record.unknowns > budget.unknowns:

@@ -80,7 +80,7 @@ def unpaired(own: ContactState) -> Paired:
     """Return the uncorrected answer of the discretisation."""
     none, unknown = np.zeros(len(own.normal_force)), np.full((len(own.normal_force), 3), np.nan)
     forces, areas = (own.normal_force, own.approach, own.per_squared_force), (own.contact_area, own.peak_pressure)
-    return Paired(*forces, none, none, none, *areas, none, none, unknown)
+    return Paired(*forces, none, none, none, *areas, none, own.peak_excess, unknown)
 
 
 def unsure(slope: float) -> float:

@@ -18,6 +18,9 @@ from finite_strain.discretisation.discrete_model import Model, assembled
 from finite_strain.discretisation.nodal_values import lattice_of, on_top
 from finite_strain.discretisation.regions import constant
 
+LOWERED = 0.9
+"""Largest fraction by which a mean is assumed to lower a peak."""
+
 
 class MeanPressure:
     """Means of the contact pressure per deformed area over the test functions of a scalar Lagrange space."""
@@ -31,6 +34,7 @@ class MeanPressure:
             normal = ufl.cross(F[:, 0], F[:, 1])
             pressure = pressure / ufl.sqrt(ufl.dot(normal, normal))
         value = ufl.conditional(ufl.gt(self._asked, 0), pressure, 1)
+        value = ufl.conditional(ufl.gt(self._asked, 1), self._means, value)
         self._form = compat.compile_form(value * ufl.TestFunction(space) * model.contact.measure, model.comm)
         self._work = compat.ghosted_vector(self._form, space)
 
@@ -40,9 +44,15 @@ class MeanPressure:
         They are zero where no facet may touch a ball (collective).
         """
         self.contact.choose(balls)
+        return self._mean(1.0)
+
+    def again(self) -> np.ndarray:
+        """Return the means of the piecewise polynomial that has the last means at its nodes (collective)."""
+        return self._mean(2.0)
+
+    def _mean(self, asked: float) -> np.ndarray:
         parts = []
-        for asked in (1.0, 0.0):
-            self._asked.value = asked
+        for self._asked.value in (asked, 0.0):
             parts.append(assembled(self._work, self._form))
         moment, weight = parts
         means = self._means.x
@@ -52,7 +62,7 @@ class MeanPressure:
 
 
 class Extremes:
-    """Evaluates the largest contact pressure, of the means over hat functions of vertices, and penetration per ball."""
+    """Evaluates per ball the largest contact pressure, of the means over hat functions of vertices, and penetration."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -63,12 +73,28 @@ class Extremes:
         self._pressure = MeanPressure(model, model.linear_space)
 
     def __call__(self) -> np.ndarray:
-        """Return the largest pressure per deformed area [Pa] and penetration [m], shape (balls, 2) (collective)."""
+        """Return the largest pressure per deformed area [Pa] and penetration [m], and the pressure's `excess`.
+
+        The array has shape (balls, 3) (collective).
+        """
         contact = self.model.contact
-        answer = np.zeros((len(contact.balls), 2))
-        for largest, chosen in zip(answer, np.eye(len(answer)), strict=True):
-            pressures = self._pressure(chosen)
+        found = np.zeros((len(contact.balls), 4))
+        for largest, chosen in zip(found, np.eye(len(found)), strict=True):
+            means = self._pressure(chosen), self._pressure.again(), self._pressure.again()
             depths = compat.evaluate(self._values, self.model.mesh, contact.touchable, (1,))[:, :, 0]
-            largest[:] = pressures.max(initial=0.0), depths.max(initial=0.0, where=self._is_top)
-        self.model.comm.Allreduce(MPI.IN_PLACE, answer, op=MPI.MAX)  # in lower case it compares whole arrays
-        return answer
+            largest[:] = depths.max(initial=0.0, where=self._is_top), *(mean.max(initial=0.0) for mean in means)
+        self.model.comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)  # in lower case it compares whole arrays
+        penetration, *peaks = found.T
+        return np.column_stack([peaks[0], penetration, excess(np.array(peaks))])
+
+
+def excess(peaks: np.ndarray) -> np.ndarray:
+    """Return by how much the largest pressure may exceed its largest mean, over the latter (balls,).
+
+    ``peaks`` (3, balls): the largest mean, mean of the means, and mean of these. Means lower a smooth peak by the same
+    fraction each time, and a pointed one by less each time: the first fraction follows by Aitken's extrapolation.
+    """
+    first, second = 1.0 - np.divide(peaks[1:], peaks[:-1], out=np.ones_like(peaks[1:]), where=peaks[:-1] > 0.0)
+    pointed = np.divide(first, second, out=np.ones_like(first), where=second > 0.0)
+    lowered = np.minimum(first * np.maximum(pointed, 1.0), LOWERED)
+    return lowered / (1.0 - lowered)

@@ -23,8 +23,9 @@ class ContactState:
     """Equilibrium of one model on one discretisation; arrays have one entry per ball of the model, for whole balls.
 
     ``penetration`` [m] is the largest one; ``mean_gap`` [m] is the pressure-weighted mean, negative if the surface lies
-    inside the ball; ``traction_force`` [N] is T from the contact traction, ``tangential_force`` [N] from the domain
-    integral.
+    inside the ball; ``peak_pressure`` [Pa] is the largest mean around a vertex, ``peak_excess`` how much the pressure
+    may exceed it, over it; ``traction_force`` [N] is T from the contact traction, ``tangential_force`` [N] from the
+    domain integral.
     """
 
     fraction: float
@@ -34,6 +35,7 @@ class ContactState:
     traction_force: np.ndarray
     contact_area: np.ndarray
     peak_pressure: np.ndarray
+    peak_excess: np.ndarray
     penetration: np.ndarray
     mean_gap: np.ndarray
 

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from finite_strain.accuracy.pairs import unpaired
 from finite_strain.force.contact_area import contact_areas
 from finite_strain.output.top_surface import TopSurface
-from linear_bem import Cone, Ellipsoid, Indenter, Problem, solve_contact
+from linear_bem import Cone, Ellipsoid, Indenter, Problem, solve, solve_contact
 from tests.finite_strain.scenes import (
     CUBIC,
     QUADRATIC,
@@ -65,6 +66,16 @@ def test_pressure_at_the_nodes_and_contact_area_are_those_of_the_linear_model(
     assert off.max() < largest  # at the edge, where the slope is infinite
     assert math.sqrt(np.mean(off[exact > 0.0] ** 2)) < mean
     assert contact_areas(model)[0] == relatively(solution.contacts.contact_areas[0], 0.02)
+
+
+@pytest.mark.parametrize(("name", "level"), [("balls", CUBIC), ("balls", QUADRATIC), ("cone", FINER)])
+def test_the_error_of_a_peak_without_a_pair_covers_that_of_the_mean_around_its_vertex(
+    name: str, level: Discretisation, tmp_path: Path
+) -> None:
+    problem = at_small_strain(SCENES[name])
+    own = augmented(problem, tmp_path, level).run.state(1.0)
+    exact, bar = solve(problem, 1e-4).balls[0].peak_pressure, unpaired(own).peak_transfer[0] * own.peak_pressure[0]
+    assert 1.0 < bar / (exact - own.peak_pressure[0]) < 5.0
 
 
 @pytest.mark.parametrize(

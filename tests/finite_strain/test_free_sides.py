@@ -63,7 +63,8 @@ def test_a_body_with_free_sides_is_solved_as_it_is_and_not_corrected_as_an_infin
     infinite = solve(replace(problem, finite_strain=None), 1e-3).balls[0].normal_force
     assert result.balls[0].normal_force < 0.95 * infinite
     assert result.balls[0].errors["normal_force"] < 0.03 * infinite
-    assert any(note.startswith("the mesh has free sides") and "peak pressures" in note for note in result.solved.notes)
+    assert 0.03 < result.balls[0].errors["peak_pressure"] / result.balls[0].peak_pressure < 0.3  # of a mean at a vertex
+    assert any(note.startswith("the mesh has free sides") for note in result.solved.notes)
     assert not any("flanks" in note for note in result.solved.notes)
 
 

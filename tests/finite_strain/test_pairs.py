@@ -21,7 +21,7 @@ def state(q: float, d: float, per_squared: tuple[float, float], gap: float = 0.0
     """Return a state of one ball with Q, D and T / Q^2."""
     one: Any = np.array([[per_squared[0] * q**2, per_squared[1] * q**2]])
     same = np.array([1.0])
-    return ContactState(1.0, np.array([d]), np.array([q]), one, one, same, same, same, np.array([gap]))
+    return ContactState(1.0, np.array([d]), np.array([q]), one, one, same, same, 0.0 * same, same, np.array([gap]))
 
 
 def linear(q: float, d: float, per_squared: tuple[float, float]) -> LinearTruth:
