@@ -6,7 +6,7 @@ an effect of finite strain. UFL evaluates psi at a few values of F; nothing is c
 
 import logging
 import math
-from itertools import pairwise, takewhile
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ SHAKEN = (0.05, 0.05, 0.05, 0.3, 0.3, 0.3)
 """Sizes of the entries of F - I for which rotations are tried; a law may have no value for the larger ones."""
 
 SHEARS = np.linspace(0.0, 1.0, 51)
-"""Simple shears at which an energy must not fall."""
+"""Simple shears along which an energy must be convex."""
 
 
 def _of_user(problem: Problem) -> Any:
@@ -56,14 +56,17 @@ def _or_nan(psi: Any, F: np.ndarray) -> float:
 
 
 def softening(problem: Problem) -> list[str]:
-    """Return a sentence where a user's energy falls as a simple shear grows, if it does: it is unstable there."""
+    """Return a sentence where the shear stress of a user's energy falls as a simple shear grows: it is unstable there.
+
+    Simple shears are rank-one, along which a stable energy is convex [Ball 1976, doi 10.1007/BF00279992].
+    """
     psi = _of_user(problem)
     if psi is None:
         return []
     every = (_or_nan(psi, np.eye(3) + shear * np.eye(3, k=2)) for shear in SHEARS)
-    steps = pairwise(takewhile(lambda value: not math.isnan(value), every))
-    fallen = [shear for shear, (before, value) in zip(SHEARS[1:], steps, strict=False) if value < before]
-    return [f"psi(F) decreases in simple shear from about {s:.2g} on: the law is unstable there" for s in fallen[:1]]
+    bends = np.diff(list(takewhile(lambda value: not math.isnan(value), every)), 2)
+    fallen = SHEARS[1:-1][: len(bends)][bends < -ALIKE * abs(bends[:1])]
+    return [f"the stress of psi(F) falls in simple shear from about {s:.2g} on: it is unstable" for s in fallen[:1]]
 
 
 def check_own_energy(problem: Problem) -> None:
