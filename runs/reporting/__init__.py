@@ -20,8 +20,8 @@ STYLE = Path(__file__).with_name("report.css")
 """Style sheet: one column that fits a phone, light and dark; wide tables scroll in a box of their own."""
 UNFINISHED = {
     RUNNING: "apparently still running",
-    STOPPED: "killed, or its machine failed; the same command continues it",
-    INTERRUPTED: "interrupted; the same command continues it",
+    STOPPED: "killed, or its machine failed; the same command completes it",
+    INTERRUPTED: "interrupted; the same command completes it",
     FAILED: "failed; the same command tries again",
 }
 """Text on the page about an incomplete run, by its state."""

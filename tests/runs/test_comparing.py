@@ -119,7 +119,7 @@ def test_a_killed_run_keeps_its_steps_and_the_same_command_continues_on_two_rank
     assert len(half["finite"]["steps"]) == 2
     assert half["finite"]["solved"]["converged"] is False
     assert len(table(out)) == 4
-    assert "unfinished: killed, or its machine failed; the same command continues it" in page_of(read_folder(out))
+    assert "unfinished: killed, or its machine failed; the same command completes it" in page_of(read_folder(out))
     done = run(2, "compare", out, "--json")
     assert done.returncode == 0, done.stderr
     assert done.stderr.count("this run was stopped before: killed") == 1
