@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 THIN = 1.16
-CURVES = {THIN: (0.368, 2.582, -7.879, 14.928), 6.0: (-0.074, 0.135)}
+CURVES = {THIN: (0.366, 2.619, -8.051, 15.138), 6.0: (-0.074, 0.136)}
 """Thickness over R: coefficients of D/R, (D/R)^2, ... in S_Q - 1."""
 ERROR, ERROR_GROWTH = 0.005, 0.06
 """Largest deviation of S_Q from the fit where it was made: at zero load, and its growth per (D/R)^2."""

@@ -68,7 +68,7 @@ def test_saved_parts_of_the_table_are_those_of_its_axes(monkeypatch: pytest.Monk
 def test_the_factors_of_the_live_page_are_the_published_ones() -> None:
     cases = widget.strengthening(widget.STUDY.read_text(encoding="utf-8"))
     thin = next(c for c in cases if (c["thickness"], c["distance"], c["poisson"]) == (1.16, 2.0, 0.48))
-    assert [0.32, 1.2818, 0.0019] in thin["points"]
+    assert [0.32, 1.2818, 0.0025] in thin["points"]
     assert len(cases) >= 14
     with pytest.raises(ValueError, match="thin layer"):
         widget.strengthening("# an empty page")
@@ -161,7 +161,7 @@ def test_the_live_page_meets_the_solver_at_random_points_in_a_browser(shown: Sho
 
 def test_the_live_page_shows_published_factors_and_no_others(shown: Shown) -> None:
     known, unknown = shown["published"]
-    assert known["factor"] == "1.282 ± 0.002"
+    assert known["factor"] == "1.282 ± 0.003"
     assert unknown["factor"] == "not known here"
 
 
