@@ -74,7 +74,8 @@ def _faults_of(body: Indenter) -> list[str]:
         rule = "must be 0 at the axis, from which approaches are measured"
         return [f"balls.shape: {name} {rule}, got {apex:g} m; subtract it"]
     if isinstance(body, HeightFunction):
-        steep = float(np.hypot(*slope(body, 1e-7 * aside, 1e-7 * aside))[0])
+        near = 1e-7 * aside * np.exp(2j * np.pi * (np.arange(8) + 0.5) / 8.0)
+        steep = float(np.hypot(*slope(body, near.real, near.imag)).max())
         if not steep <= POINTED:
             rule = "must be level at the axis: no pointed tip, whose pressure has no limit, and no tilt"
             remedy = "round a tip: np.sqrt(x**2 + y**2 + t**2) - t, or move the axis to the lowest point"

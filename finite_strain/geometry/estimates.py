@@ -43,13 +43,17 @@ _LONG = 1e-6
 @lru_cache(maxsize=4096)
 def radius_seen(indenter: Indenter, approach: float) -> float:
     """Return the radius [m] of the paraboloid with the same section by the undeformed surface at an approach [m]."""
-    cuts = section_edge(indenter, approach, 1.0), section_edge(indenter, approach, 1j)
-    heights = _heights_around(indenter, max(cuts))
+
+    def cuts(way: complex) -> list[float]:
+        """Return half the section's lengths along a direction and across; the body need not be alike on both sides."""
+        return [0.5 * sum(section_edge(indenter, approach, side) for side in (w, -w)) for w in (way, 1j * way)]
+
+    found = cuts(1.0)
+    heights = _heights_around(indenter, max(found))
     longer = -np.mean(heights * _AROUND**2)
     if abs(longer) > _LONG * np.mean(heights):  # not along x and y, but along the body and across
-        along = cmath.sqrt(longer / abs(longer))
-        cuts = section_edge(indenter, approach, along), section_edge(indenter, approach, 1j * along)
-    return cuts[0] * cuts[1] / (2.0 * approach)
+        found = cuts(cmath.sqrt(longer / abs(longer)))
+    return found[0] * found[1] / (2.0 * approach)
 
 
 def section_edge(indenter: Indenter, depth: float, way: complex, known: float = math.inf) -> float:

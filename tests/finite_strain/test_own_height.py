@@ -152,6 +152,33 @@ def test_a_function_that_does_not_rise_ever_steeper_is_refused(function: Any) ->
         finite_strain.plan(pair(0.1, shape=function))
 
 
+@pytest.mark.parametrize("way", [1.0, 1j, -1.0, -1j])
+def test_a_function_with_a_kink_on_its_axis_is_refused_whichever_side_is_the_steeper(way: complex) -> None:
+    def ridged(x: Any, y: Any) -> Any:
+        return 0.5 * (x**2 + y**2) + 0.3 * np.maximum(way.real * x + way.imag * y, 0.0 * x)
+
+    with pytest.raises(UnsupportedProblem, match=r"ridged must be level at the axis.*slope of 0\.3 next to the axis"):
+        finite_strain.plan(single(0.1, shape=ridged))
+
+
+@pytest.mark.parametrize("way", [1.0, 1j, -1.0, -1j])
+def test_a_body_is_looked_at_on_all_four_sides(way: complex) -> None:
+    class Side(Bowl):
+        beyond, steep = 0.0, 1.5
+
+        def height(self, x: Any, y: Any) -> Any:
+            along = way.real * x + way.imag * y - self.beyond
+            return super().height(x, y) + 0.25 * self.steep * (along + abs(along)) ** 2
+
+    class Falling(Side):
+        beyond, steep = 0.15, -0.75
+
+    # the section at 0.1 m extends sqrt(0.2) m to three sides and half as far to the fourth
+    assert radius_seen(Side(), 0.1) == pytest.approx(0.75, rel=1e-9)
+    with pytest.raises(InvalidProblem, match=r"Falling\.height must exceed the approach, 0\.1 m"):
+        finite_strain.plan(single(0.1, shape=Falling()))
+
+
 def endless(x: Any, y: Any) -> Any:
     return 0.25 * (x - y) ** 2 + 0.0 * x
 
