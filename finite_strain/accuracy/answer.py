@@ -26,6 +26,8 @@ from linear_bem.solver import solve
 UNSURE = ("transfer", "force_transfer", *MEASURED.values())
 LINEAR_ACCURACY = 0.03
 """Accuracy requested from linear_bem over that requested from the run."""
+SIDES = np.array([[1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, -1.0]])
+"""Directions along x and y, both ways: a body need not be alike on both sides."""
 FAINT = 1e-3
 """Q over the largest, below which a ball has no rate dD / dQ of its own."""
 LEAST, MOST = 1.5, 3.0
@@ -163,7 +165,8 @@ class Answers:
     def _paired(self, row: Row, truth: LinearTruth | None) -> Paired:
         if truth is None or (self.plan.is_paired and row.small is None):
             return unpaired(row.own)
-        near_zero = scale_of_force(self.plan.problem, np.array(self._per_ball(row.own.normal_force)))
+        attraction = scale_of_force(self.plan.problem, np.array(self._per_ball(row.own.normal_force)))
+        near_zero = attraction or math.inf  # where one ball alone presses, T is an error and must not weigh the pair
         scale = near_zero / np.maximum(row.own.normal_force**2, 1e-300)
         if row.small is not None:
             return paired(row.own, row.small, truth, scale, self.forces_given, unsure(self._steepest(row.own)))
@@ -176,7 +179,7 @@ class Answers:
         layer, found = self.plan.problem.layer, 0.0
         for place, each in enumerate(self.plan.reduction.balls):
             edge = math.sqrt(own.contact_area[place] / math.pi)
-            slopes = np.hypot(*slope(body_of(each), *(edge * np.eye(2))))
+            slopes = np.hypot(*slope(body_of(each), *(edge * SIDES)))
             found = max(found, float(slopes.max()), math.sqrt(max(own.approach[place], 0.0) / layer.thickness))
         return found
 

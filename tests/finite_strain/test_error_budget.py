@@ -35,8 +35,8 @@ from finite_strain.planning.records import (
 )
 from finite_strain.planning.refinement import coarser
 from finite_strain.planning.run_plan import plan_run
-from linear_bem import Ball
-from tests.finite_strain.scenes import CUBIC, QUADRATIC, UNEQUAL, at_small_strain, pair, relatively
+from linear_bem import Ball, Indenter
+from tests.finite_strain.scenes import CUBIC, QUADRATIC, UNEQUAL, at_small_strain, pair, relatively, single
 from tests.finite_strain.test_pairs import linear, state
 
 ROUNDOFF = 1e-12
@@ -110,6 +110,29 @@ def test_where_one_ball_alone_presses_the_terms_are_those_of_its_force() -> None
     assert answers.fine.scale == 0.0
     assert answers.fine.reached == relatively(0.02 * FEW[1] * gain(CUBIC, QUADRATIC), 1e-6)
     assert math.hypot(*answers.fine.terms.values()) == relatively(answers.fine.reached, ROUNDOFF)
+
+
+def test_the_pair_corrects_a_single_body_whatever_the_errors_of_its_t() -> None:
+    answers = Answers(plan_run(single(0.1), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
+    for record in (answers.coarse, answers.fine):  # T of a body that is not its own mirror image: roundoff or more
+        record.rows.append(Row(state(0.9, 0.1, (1e-5, 0.0)), state(1.05, 0.1, (-2e-5, 0.0))))
+    answer = answers.answer(1, ACCOUNT, linear(1.0, 0.1, (0.0, 0.0)))
+    assert answer.pair_weight == [1.0]
+    assert answer.balls[0].normal_force == relatively(0.9 / 1.05, ROUNDOFF)
+
+
+@pytest.mark.parametrize("way", [1.0, 1j, -1.0, -1j])
+def test_the_steepest_slope_is_looked_for_on_all_four_sides(way: complex) -> None:
+    class Side(Indenter):
+        apex_radius = 1.0
+
+        def height(self, x: Any, y: Any) -> Any:
+            along = way.real * x + way.imag * y
+            return 0.5 * (x**2 + y**2) + 0.375 * (along + abs(along)) ** 2
+
+    answers = Answers(plan_run(single(0.01, shape=Side()), 0.1, "finite_strain"), [Record(QUADRATIC), Record(CUBIC)])
+    own = replace(state(1.0, 0.01, (0.0, 0.0)), contact_area=np.array([0.01 * math.pi]))
+    assert answers._steepest(own) == relatively(0.1 * (1.0 + 3.0), ROUNDOFF)
 
 
 def test_an_answer_for_positions_and_radii_of_numpys_whole_numbers_is_written(tmp_path: Path) -> None:
