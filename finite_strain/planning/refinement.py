@@ -80,10 +80,13 @@ def decide(  # noqa: PLR0911  (each return is one reason to stop)
         return f"the accuracy is limited by {level}"
     if mesh_given and (level.fineness, level.extent) != (last.level.fineness, last.level.extent):
         return "a user's mesh is neither refined nor widened: give a finer or wider one"
-    wanted = unknowns(level) * last.unknowns / unknowns(last.level)
-    while wanted > budget.most_unknowns and level.fineness > last.level.fineness + STEP:
-        level = replace(level, fineness=level.fineness - STEP)
-        wanted = unknowns(level) * last.unknowns / unknowns(last.level)
+
+    def size(each: Discretisation) -> float:
+        return unknowns(each) * last.unknowns / unknowns(last.level)
+
+    if not mesh_given:
+        level = _affordable(level, records, lambda each: size(each) > budget.most_unknowns)
+    wanted = size(level)
     following = f"the next discretisation ({level})"
     if wanted > budget.most_unknowns:
         most = grouped(budget.most_unknowns)
@@ -109,7 +112,7 @@ def _next(asked: float, records: Sequence[Record]) -> Discretisation | str:
     """Return the discretisation that reduces the largest error term, or the error that no discretisation reduces."""
     last, before = records[-1], records[-2]
     level = last.level
-    largest = max(last.terms, key=lambda name: last.terms[name], default="discretisation")
+    largest = _largest(last)
     if largest == "solver" and math.isfinite(last.reached):
         return "the solver's tolerance"
     if largest == "enforcement":
@@ -120,13 +123,41 @@ def _next(asked: float, records: Sequence[Record]) -> Discretisation | str:
             return "penetration: Newton's method fails with stiffer penalties"
         level = before.level
     steady = bool(before.terms) and last.terms.get("transfer", 0.0) > STEADY * before.terms["transfer"]
-    if largest == "transfer" and (steady or level.extent > before.level.extent):  # a wider domain may help more
+    if _may_widen(last, before) and (steady or level.extent > before.level.extent):
         return replace(level, extent=WIDER * level.extent)
     if level.order < HIGHEST:
         return replace(level, order=level.order + 1)
     ratio = last.reached / asked if math.isfinite(last.reached) else 8.0
     wanted = min(max(level.fineness * ratio ** (1.0 / ORDER), level.fineness + STEP), 2.0 * level.fineness)
     return replace(level, fineness=STEP * math.ceil(wanted / STEP - 1e-9))
+
+
+def _affordable(
+    level: Discretisation, records: Sequence[Record], is_too_large: Callable[[Discretisation], bool]
+) -> Discretisation:
+    """Return the level, less fine if it is too large, or a wider domain if it still is and this may help."""
+    last = records[-1]
+    while is_too_large(level) and level.fineness > last.level.fineness + STEP:
+        level = replace(level, fineness=level.fineness - STEP)
+    wider = replace(last.level, extent=WIDER * last.level.extent)
+    may_help = is_too_large(level) and not is_too_large(wider) and _may_widen(last, records[-2])
+    return wider if may_help else level
+
+
+def _largest(record: Record) -> str:
+    """Return the name of the largest error term."""
+    return max(record.terms, key=lambda name: record.terms[name], default="discretisation")
+
+
+def _may_widen(last: Record, before: Record) -> bool:
+    """Return whether a wider domain may reduce the largest error, and has reduced it if it was widened.
+
+    An error of truncation falls at least as the root of the width.
+    """
+    if _largest(last) != "transfer" or not last.resolved:
+        return False
+    ratio = last.level.extent / before.level.extent
+    return ratio <= 1.0 or last.terms["transfer"] < before.terms["transfer"] / math.sqrt(ratio)
 
 
 def account(

@@ -185,6 +185,22 @@ def test_a_domain_that_helped_by_being_widened_is_widened_again() -> None:
     assert chosen(0.02, [*before, wider]) == replace(QUARTIC, extent=WIDER**2)
 
 
+def test_the_domain_is_widened_where_the_next_order_passes_the_budget_as_long_as_this_helps() -> None:
+    def following(records: list[Record], is_given: bool = False) -> Discretisation | str:
+        return decide(0.02, records, Budget(unknowns=3e3), lambda level: 1e3 * level.order**3, is_given)
+
+    before = first(0.05, transfer=0.05, discretisation=0.01)
+    wider = record(replace(CUBIC, extent=WIDER), 0.04, transfer=0.04, discretisation=0.01)
+    wider.unknowns = before[-1].unknowns
+    assert following(before) == replace(CUBIC, extent=WIDER)
+    assert following([*before, wider]) == replace(CUBIC, extent=WIDER**2)
+    of_the_mesh = first(0.05, transfer=0.01, discretisation=0.05)
+    wider.terms["transfer"] = 0.045
+    for records, is_given in ((of_the_mesh, False), ([*before, wider], False), (before, True)):
+        assert "(order 4, fineness 1" in (why := following(records, is_given))
+        assert "passes the budget" in why
+
+
 def test_errors_that_refinement_cannot_reduce_end_it() -> None:
     assert "solver" in end(0.02, first(0.04, solver=0.04))
 
