@@ -118,8 +118,14 @@ class Refinement:
         return steps[-1].fraction if steps else 0.0
 
     def _answered(self) -> int:
-        """Return the number of the discretisation with the result: the last of those that reach the largest load."""
-        return max(range(len(self.records)), key=lambda number: (self._reach(number), number))
+        """Return the number of the discretisation with the result: of those that reach the largest load, the finest.
+
+        Of several of one resolution it is the one with the smallest error: a wider domain may not have helped.
+        """
+        return max(
+            range(len(self.records)),
+            key=lambda n: (self._reach(n), (record := self.records[n]).level.resolution, -record.reached),
+        )
 
     def _press(self, number: int) -> None:
         """Follow the load path on one discretisation, from the last saved state of an earlier run (collective)."""

@@ -12,12 +12,11 @@ import numpy as np
 from finite_strain.accuracy.error_budget import TERMS, discretisation, enforcement, remaining, transfer
 from finite_strain.accuracy.pairs import MEASURED, LinearTruth, Paired, missed, paired, pressed, ratio, unpaired, unsure
 from finite_strain.force.distortion import is_resolved
-from finite_strain.geometry.estimates import body_of
+from finite_strain.geometry.estimates import body_of, steepest
 from finite_strain.geometry.extent import scale_of_force
 from finite_strain.geometry.load_control import prescribed
 from finite_strain.planning.records import Answer, ContactState, Record, Row, SolverAccount
 from finite_strain.planning.run_plan import ENOUGH, RunPlan
-from linear_bem.dual import slope
 from linear_bem.errors import ThirdBodyError
 from linear_bem.problem import Load, Problem
 from linear_bem.result import BallResult
@@ -26,8 +25,6 @@ from linear_bem.solver import solve
 UNSURE = ("transfer", "force_transfer", *MEASURED.values())
 LINEAR_ACCURACY = 0.03
 """Accuracy requested from linear_bem over that requested from the run."""
-SIDES = np.array([[1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, -1.0]])
-"""Directions along x and y, both ways: a body need not be alike on both sides."""
 FAINT = 1e-3
 """Q over the largest, below which a ball has no rate dD / dQ of its own."""
 LEAST, MOST = 1.5, 3.0
@@ -178,9 +175,8 @@ class Answers:
         """Return the largest slope of an indenter at the edge of its contact; at least the root of D / h."""
         layer, found = self.plan.problem.layer, 0.0
         for place, each in enumerate(self.plan.reduction.balls):
-            edge = math.sqrt(own.contact_area[place] / math.pi)
-            slopes = np.hypot(*slope(body_of(each), *(edge * SIDES)))
-            found = max(found, float(slopes.max()), math.sqrt(max(own.approach[place], 0.0) / layer.thickness))
+            aside = steepest(body_of(each), math.sqrt(own.contact_area[place] / math.pi))
+            found = max(found, aside, math.sqrt(max(own.approach[place], 0.0) / layer.thickness))
         return found
 
     def compare(self, fraction: float, said: LinearTruth | str) -> None:

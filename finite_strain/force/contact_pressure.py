@@ -18,8 +18,11 @@ from finite_strain.discretisation.discrete_model import Model, assembled
 from finite_strain.discretisation.nodal_values import lattice_of, on_top
 from finite_strain.discretisation.regions import constant
 
-LOWERED = 0.9
-"""Largest fraction by which a mean is assumed to lower a peak."""
+LOWERED = 0.6
+"""Largest fraction by which a mean is assumed to lower a peak; at the edge of a punch it is 0.45."""
+BETWEEN = 1.25
+"""Fraction by which a mean lowers a smooth peak in the middle of a square element, over that by which the mean of the
+means lowers it again: the second moments about it are 5/6 and 2/3 of the square of the element's width."""
 
 
 class MeanPressure:
@@ -92,9 +95,10 @@ def excess(peaks: np.ndarray) -> np.ndarray:
     """Return by how much the largest pressure may exceed its largest mean, over the latter (balls,).
 
     ``peaks`` (3, balls): the largest mean, mean of the means, and mean of these. Means lower a smooth peak by the same
-    fraction each time, and a pointed one by less each time: the first fraction follows by Aitken's extrapolation.
+    fraction each time, and a pointed one by less each time: the first fraction follows by Aitken's extrapolation. It
+    is at most `BETWEEN` times as large where no vertex lies at the peak.
     """
     first, second = 1.0 - np.divide(peaks[1:], peaks[:-1], out=np.ones_like(peaks[1:]), where=peaks[:-1] > 0.0)
     pointed = np.divide(first, second, out=np.ones_like(first), where=second > 0.0)
-    lowered = np.minimum(first * np.maximum(pointed, 1.0), LOWERED)
+    lowered = np.minimum(BETWEEN * first * np.maximum(pointed, 1.0), LOWERED)
     return lowered / (1.0 - lowered)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from linear_bem.closed_forms import Indentation, indentation_of_layer
-from linear_bem.dual import height_faults
+from linear_bem.dual import height_faults, slope
 from linear_bem.errors import InvalidProblem, UnsupportedProblem
 from linear_bem.indenter import HeightFunction, Indenter
 from linear_bem.problem import Ball, Problem
@@ -152,6 +152,13 @@ def body_of(ball: Ball) -> Indenter:
     """Return the body of a ball; see `with_expressions`."""
     assert isinstance(ball.indenter, Indenter)
     return ball.indenter
+
+
+def steepest(indenter: Indenter, r: float) -> float:
+    """Return the largest slope of a body at a distance [m] from its axis, along x and y, on the sides that it has."""
+    with np.errstate(all="ignore"):  # a body may have no height on one side
+        slopes = np.hypot(*slope(indenter, r * np.array([1.0, 0.0, -1.0, 0.0]), r * np.array([0.0, 1.0, 0.0, -1.0])))
+    return float(np.nanmax(slopes, initial=0.0))
 
 
 def penalties(problem: Problem, balls: Sequence[Ball], approaches: np.ndarray) -> np.ndarray:

@@ -64,9 +64,9 @@ def softening(problem: Problem) -> list[str]:
     if psi is None:
         return []
     every = (_or_nan(psi, np.eye(3) + shear * np.eye(3, k=2)) for shear in SHEARS)
-    bends = np.diff(list(takewhile(lambda value: not math.isnan(value), every)), 2)
+    bends = np.diff(list(takewhile(math.isfinite, every)), 2)
     fallen = SHEARS[1:-1][: len(bends)][bends < -ALIKE * abs(bends[:1])]
-    return [f"the stress of psi(F) falls in simple shear from about {s:.2g} on: it is unstable" for s in fallen[:1]]
+    return [f"the stress falls in simple shear from about {s:.2g} on: psi(F) is unstable" for s in fallen[:1]]
 
 
 def check_own_energy(problem: Problem) -> None:

@@ -103,7 +103,7 @@ def forecast(plan: RunPlan, ranks: int = RANKS) -> dict[str, Any]:
         "symmetries": [f"mirror plane {'xy'[axis]} = 0 of the balls' own frame" for axis in plan.reduction.planes],
         "unknowns": round(last.unknowns),
         "meshes": [f"{level}: about {grouped(plan.unknowns(level))} unknowns" for level in taken]
-        + [f"finer ones, up to {grouped(most)} unknowns, while the error at full load exceeds the requested one"],
+        + [f"finer or wider ones, up to {grouped(most)} unknowns, while the error at full load exceeds that asked for"],
         **cost(len(taken)),
         "memory_bytes_at_most": largest.memory_bytes(ranks),
         "seconds_of_meshes": wall[: len(taken)], "processor_seconds_of_meshes": seconds[: len(taken)],

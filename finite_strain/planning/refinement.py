@@ -152,9 +152,10 @@ def _largest(record: Record) -> str:
 def _may_widen(last: Record, before: Record) -> bool:
     """Return whether a wider domain may reduce the largest error, and has reduced it if it was widened.
 
-    An error of truncation falls at least as the root of the width.
+    An error of truncation falls at least as the root of the width. An unknown error at full load stays unknown: the
+    path finder, with which a wider domain is compared, did not reach it.
     """
-    if _largest(last) != "transfer" or not last.resolved:
+    if _largest(last) != "transfer" or not last.resolved or not math.isfinite(last.reached):
         return False
     ratio = last.level.extent / before.level.extent
     return ratio <= 1.0 or last.terms["transfer"] < before.terms["transfer"] / math.sqrt(ratio)

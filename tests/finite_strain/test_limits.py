@@ -19,10 +19,13 @@ import finite_strain
 from finite_strain.equilibrium.load_path import LoadPath
 from finite_strain.output import step_files
 from finite_strain.output.step_files import write_gathered
+from finite_strain.planning.refinement import WIDER
+from finite_strain.refinement_loop import Refinement
 from linear_bem import NotConverged
 from linear_bem.errors import OutputUnusable
 from tests.finite_strain.press import ACCURACY, STEPS
-from tests.finite_strain.scenes import COARSER, Recorder, light_pair, relatively
+from tests.finite_strain.scenes import COARSER, CUBIC, Recorder, light_pair, relatively
+from tests.finite_strain.test_refinement import first, record
 
 BREAKS = 0.7
 """Fraction of the load beyond which no equilibrium is found."""
@@ -112,6 +115,17 @@ def test_no_discretisation_has_more_unknowns_than_the_budget_allows(usual: Any) 
     assert "the budget of" in accuracy["stopped"]
     assert any("was asked for" in note for note in bound.solved.notes)
     assert not any("more than the budget" in note for note in bound.solved.notes)
+
+
+def test_a_wider_domain_that_did_not_help_is_not_the_answer() -> None:
+    run: Any = object.__new__(Refinement)
+    wider = record(replace(CUBIC, extent=WIDER), 0.07, transfer=0.05, discretisation=0.05)
+    run.records = [*first(0.05, transfer=0.05, discretisation=0.01), wider]
+    assert run._answered() == 1
+    wider.reached = 0.04
+    assert run._answered() == 2
+    run.records.append(record(replace(CUBIC, order=4), 0.06, discretisation=0.06))
+    assert run._answered() == 3
 
 
 def test_an_exhausted_time_budget_is_reported() -> None:

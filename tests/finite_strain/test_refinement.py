@@ -195,8 +195,9 @@ def test_the_domain_is_widened_where_the_next_order_passes_the_budget_as_long_as
     assert following(before) == replace(CUBIC, extent=WIDER)
     assert following([*before, wider]) == replace(CUBIC, extent=WIDER**2)
     of_the_mesh = first(0.05, transfer=0.01, discretisation=0.05)
+    unknown = first(math.inf, transfer=0.05, discretisation=0.01)
     wider.terms["transfer"] = 0.045
-    for records, is_given in ((of_the_mesh, False), ([*before, wider], False), (before, True)):
+    for records, is_given in ((of_the_mesh, False), (unknown, False), ([*before, wider], False), (before, True)):
         assert "(order 4, fineness 1" in (why := following(records, is_given))
         assert "passes the budget" in why
 
