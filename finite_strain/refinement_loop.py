@@ -118,14 +118,15 @@ class Refinement:
         return steps[-1].fraction if steps else 0.0
 
     def _answered(self) -> int:
-        """Return the number of the discretisation with the result: of those that reach the largest load, the finest.
+        """Return the number of the discretisation with the result: the last of those that reach the largest load.
 
-        Of several of one resolution it is the one with the smallest error: a wider domain may not have helped.
+        Of several of its resolution it is the one with the smallest error: a wider domain may not have helped.
         """
-        return max(
-            range(len(self.records)),
-            key=lambda n: (self._reach(n), (record := self.records[n]).level.resolution, -record.reached),
-        )
+        records, reach = self.records, [self._reach(number) for number in range(len(self.records))]
+        last = max(range(len(records)), key=lambda n: (reach[n], n))
+        alike = [n for n in range(len(records)) if reach[n] == reach[last]]
+        alike = [n for n in alike if records[n].level.resolution == records[last].level.resolution]
+        return min(alike, key=lambda n: (records[n].reached, -n))
 
     def _press(self, number: int) -> None:
         """Follow the load path on one discretisation, from the last saved state of an earlier run (collective)."""
