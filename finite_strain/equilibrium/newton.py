@@ -39,7 +39,7 @@ STALL = 1e-3
 class StepRecord:
     """The cost of one load step: Newton iterations, new tangents among them, cut-backs; the last residual norm [N].
 
-    Iterations and tangents include those of attempts that failed.
+    Iterations and tangents include those of attempts that failed, except the iteration whose line search failed.
     ``augmentation_iterations`` counts the iterations with multipliers. ``augmented`` is False if none were requested,
     or if no equilibrium was found with them: the contact is then as soft as its penalty, see `LoadPath.augment`.
     """

@@ -132,7 +132,8 @@ def test_a_reused_tangent_finds_the_same_equilibrium_as_new_ones(case: str, tmp_
         found.append((rig.normal_forces()[0], tangents, iterations))
         rig.run.close()
     (new, made_always, iterations_always), (kept, made, iterations) = found
-    assert made_always == iterations_always > 0
+    # an attempt whose line search fails has made a tangent for an iteration that PETSc does not count
+    assert 0 < iterations_always <= made_always <= iterations_always + 1
     assert made < 0.6 * iterations
     assert iterations <= iterations_always + len(PATH)
     assert kept == relatively(new, SOLVER)
