@@ -72,7 +72,7 @@ class ModelRun:
         accepted = LARGEST_PENETRATION * np.array([ball.radius for ball in self.model.contact.balls])
 
         def wanted() -> bool:
-            return bool(np.any(self.extremes()[:, 1] > accepted))
+            return bool(np.any(self.extremes.penetrations() > accepted))
 
         return ahead + self.path.stiffen(record, STIFFER, ROUNDS - ahead, wanted)
 

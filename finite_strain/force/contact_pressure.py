@@ -80,15 +80,25 @@ class Extremes:
 
         The array has shape (balls, 3) (collective).
         """
-        contact = self.model.contact
-        found = np.zeros((len(contact.balls), 4))
-        for largest, chosen in zip(found, np.eye(len(found)), strict=True):
+        peaks = np.zeros((3, len(self.model.contact.balls)))
+        for ball, chosen in enumerate(np.eye(peaks.shape[1])):
             means = self._pressure(chosen), self._pressure.again(), self._pressure.again()
+            peaks[:, ball] = [mean.max(initial=0.0) for mean in means]
+        return np.column_stack([self._largest(peaks)[0], self.penetrations(), excess(peaks)])
+
+    def penetrations(self) -> np.ndarray:
+        """Return the largest penetration at a node (balls,) [m] (collective)."""
+        contact, found = self.model.contact, np.zeros(len(self.model.contact.balls))
+        for ball, chosen in enumerate(np.eye(len(found))):
+            contact.choose(chosen)
             depths = compat.evaluate(self._values, self.model.mesh, contact.touchable, (1,))[:, :, 0]
-            largest[:] = depths.max(initial=0.0, where=self._is_top), *(mean.max(initial=0.0) for mean in means)
-        self.model.comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)  # in lower case it compares whole arrays
-        penetration, *peaks = found.T
-        return np.column_stack([peaks[0], penetration, excess(np.array(peaks))])
+            found[ball] = depths.max(initial=0.0, where=self._is_top)
+        return self._largest(found)
+
+    def _largest(self, values: np.ndarray) -> np.ndarray:
+        """Reduce an array in place to the largest values on any rank."""
+        self.model.comm.Allreduce(MPI.IN_PLACE, values, op=MPI.MAX)  # in lower case it compares whole arrays
+        return values
 
 
 def excess(peaks: np.ndarray) -> np.ndarray:
